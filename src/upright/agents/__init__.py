@@ -1,0 +1,84 @@
+"""The agents, by name: one learning rule a file, with its named settings beside it."""
+
+import ast
+import inspect
+from dataclasses import fields, replace
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+
+from upright.errors import UprightError, require_one_of
+
+AGENTS = {
+    "reinforce": "upright.agents.reinforce",
+    "q-learning": "upright.agents.q_learning",
+    "random-search": "upright.agents.random_search",
+}
+"""Where each agent is found. Modules are imported when used: compiled code is slow to load."""
+
+
+class Settings(Protocol):
+    """The settings of an agent: a frozen dataclass that checks its values and makes the agent."""
+
+    __dataclass_fields__: dict[str, Any]
+
+    def agent(self, rng: np.random.Generator) -> Any:
+        """Return a new agent, its memory blank or random."""
+
+
+def named_settings(agent: str) -> dict[str, Settings]:
+    """Return an agent's settings by name: "default", and "as-published" where there is a source.
+
+    Raises
+    ------
+    UprightError
+        If there is no such agent.
+    """
+    require_one_of("agent", agent, AGENTS)
+    settings: dict[str, Settings] = import_module(AGENTS[agent]).SETTINGS
+    return settings
+
+
+def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
+    """Return settings with some values changed, given as text.
+
+    Raises
+    ------
+    UprightError
+        If there is no such setting, or its value is not allowed.
+    """
+    present = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    values = {}
+    for name, text in changes.items():
+        require_one_of("setting", name, present)
+        values[name] = _parse(name, text, present[name])
+    return replace(settings, **values)  # type: ignore[type-var]
+
+
+def _parse(name: str, text: str, present: object) -> object:
+    """Return the value that a text means, of the same kind as the present one."""
+    if isinstance(present, str):
+        return text
+    try:
+        value = ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
+    if isinstance(present, tuple) and isinstance(value, (int, float)):
+        value = (value,)
+    kind = (int, float) if isinstance(present, float) else type(present)
+    if not isinstance(value, kind) or isinstance(value, bool) != isinstance(present, bool):
+        raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
+    return value
+
+
+def describe_settings(settings: Settings) -> dict[str, str]:
+    """Return the line of text that stands under each field of a settings class."""
+    (definition,) = ast.parse(inspect.getsource(type(settings))).body
+    assert isinstance(definition, ast.ClassDef)
+    lines = {}
+    for field, text in zip(definition.body, definition.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+            assert isinstance(field.target, ast.Name) and isinstance(text.value, ast.Constant)
+            lines[field.target.id] = " ".join(str(text.value.value).split())
+    return lines

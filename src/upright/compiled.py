@@ -1,0 +1,134 @@
+"""Compile functions with Numba, so that the loop and every rule run near the speed of C.
+
+`compiled` is ``numba.njit`` with the choices this package makes once:
+
+- strict arithmetic (no ``fastmath``), so that a seed gives the same result on every processor;
+- the global interpreter lock released, so that runs share the cores as threads;
+- no counting of references, and no allocation, within compiled code;
+- machine code kept on disk, in a folder named after the content of the package's sources: Numba
+  alone would not notice that a function in *another* file changed.
+"""
+
+import functools
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import MethodType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba import types
+from numba.extending import overload_method
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+PACKAGE = Path(__file__).parent
+
+
+def sources_hash(*names: str) -> str:
+    """Return a short digest of the package's source files.
+
+    Parameters
+    ----------
+    *names
+        Files relative to the package's folder; all of its ``.py`` files when none is named.
+    """
+    digest = hashlib.sha256()
+    for path in [PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _cache_folder() -> str:
+    """Return the first folder for machine code that can be written, named after the sources."""
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    candidates = (Path(base).expanduser(), Path(tempfile.gettempdir()))
+    for folder in (root / "upright" / f"kernels-{sources_hash()}" for root in candidates):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return str(folder)
+    return tempfile.mkdtemp(prefix="upright-kernels-")
+
+
+CACHE_FOLDER = _cache_folder()
+
+
+class Compiled:
+    """A function compiled twice, each time when first needed.
+
+    For other compiled code: inlined, and without counting references to its arguments, which would
+    cost more in the loop than a step of the plant. Such a function must not allocate memory. For
+    Python: with what it takes to be called from there.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._inner = _jit(
+            function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+        )
+        self._numba_type_ = types.Dispatcher(self._inner)
+
+    @functools.cached_property
+    def _outer(self) -> Callable[..., Any]:
+        return _jit(self.py_func, no_cfunc_wrapper=True)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._outer(*arguments)
+
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
+        return self if instance is None else MethodType(self, instance)
+
+
+def _jit(function: Callable[..., Any], **options: bool) -> Any:
+    saved, numba.config.CACHE_DIR = numba.config.CACHE_DIR, CACHE_FOLDER
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    finally:
+        numba.config.CACHE_DIR = saved
+
+
+def compiled(function: F) -> F:
+    """Compile a function, or a method of a NamedTuple."""
+    return cast(F, Compiled(function))
+
+
+def is_compiled(thing: object) -> bool:
+    """Whether `thing` is a NamedTuple with compiled methods, which compiled code can call."""
+    return any(isinstance(member, Compiled) for member in vars(type(thing)).values())
+
+
+CALLED_BY_THE_LOOP = (
+    "reset",
+    "step",
+    "begin_trial",
+    "act",
+    "learn",
+    "end_trial",
+    "push_probability",
+)
+
+
+def _callable_in_compiled_code(name: str) -> None:
+    """Let compiled code call the compiled method `name` of whichever NamedTuple it meets.
+
+    Numba knows the fields of a NamedTuple but not its methods. The choice is made by type while
+    compiling, costs nothing at run time, and (unlike a function passed as an argument) is found
+    in the cache by the next process.
+    """
+
+    def find(instance, *arguments):  # type: ignore[no-untyped-def]  # Numba compares signatures
+        method = getattr(instance.instance_class, name, None)
+        return (lambda instance, *arguments: method(instance, *arguments)) if method else None
+
+    overload_method(types.NamedTuple, name)(find)
+    overload_method(types.NamedUniTuple, name)(find)
+
+
+for _name in CALLED_BY_THE_LOOP:
+    _callable_in_compiled_code(_name)

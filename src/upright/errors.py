@@ -1,0 +1,43 @@
+"""Errors that name the bad value and what is allowed."""
+
+import math
+from collections.abc import Iterable
+
+
+class UprightError(ValueError):
+    """A request that cannot be met; its one line says why, and what is allowed."""
+
+
+def require(
+    name: str,
+    value: float,
+    low: float,
+    high: float = math.inf,
+    *,
+    above: bool = False,
+    whole: bool = False,
+) -> None:
+    """Raise UprightError unless `value` is a finite number from `low` to `high`.
+
+    Parameters
+    ----------
+    above
+        Whether `low` itself is refused.
+    whole
+        Whether it must be a whole number.
+    """
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    fits = number and math.isfinite(value) and (low < value if above else low <= value)
+    if fits and value <= high and (not whole or value == int(value)):
+        return
+    kind = "a whole number" if whole else "a number"
+    lower = f"above {low:g}" if above else f"at least {low:g}"
+    upper = f" and at most {high:g}" if math.isfinite(high) else ""
+    raise UprightError(f"{name} is {value!r}; it must be {kind}, {lower}{upper}")
+
+
+def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
+    """Raise UprightError unless `value` is one of the allowed names."""
+    allowed = list(allowed)
+    if value not in allowed:
+        raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}")

@@ -1,0 +1,202 @@
+"""Studies: many runs of many cases, on all cores, written down as they end."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from functools import cache, cached_property
+from os import cpu_count
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from upright.agents import AGENTS, Settings, named_settings
+from upright.cartpole import equations
+from upright.compiled import sources_hash
+from upright.errors import require, require_one_of
+from upright.store import Store
+from upright.task import Task, make_task
+from upright.trials import compiled_run
+
+
+@dataclass(frozen=True)
+class Case:
+    """An agent with its settings on a task: everything that determines a run, save its seed."""
+
+    agent: str
+    """Name of the agent."""
+    label: str
+    """Name of its settings, for people."""
+    settings: Settings
+    """Its settings."""
+    noise: str = "none"
+    """Name of the noise case."""
+    start: str = "random"
+    """Name of the start."""
+    steps: int = 60_000
+    """N: a trial of this many steps is a success."""
+    trials: int = 1_000
+    """A run is at most this many trials."""
+    integrator: str = "euler"
+    """Name of the integrator."""
+
+    def __post_init__(self) -> None:
+        """Refuse a case that cannot be run."""
+        require_one_of("agent", self.agent, AGENTS)
+        self.task()
+
+    def task(self) -> Task:
+        """Return the task in numbers."""
+        return make_task(self.noise, self.start, self.steps, self.trials, self.integrator)
+
+    @cached_property
+    def key(self) -> str:
+        """Everything that determines a run save its seed, the rule's own code included, as JSON."""
+        values = asdict(self) | {"rule": rule_version(self.agent)}
+        return json.dumps(values, sort_keys=True)
+
+
+@cache
+def rule_version(agent: str) -> str:
+    """Return a digest of the code that determines what a run of this agent does."""
+    module = AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py"
+    return sources_hash("cartpole.py", "noise.py", "task.py", "trials.py", module)
+
+
+def make_case(agent: str, label: str = "default", **task: Any) -> Case:
+    """Return the case of an agent with its settings of this name.
+
+    Raises
+    ------
+    UprightError
+        If the agent or any name is unknown. An agent that knows only its default settings takes
+        them whatever the name.
+    """
+    require_one_of("settings", label, ("default", "as-published"))
+    settings = named_settings(agent)
+    label = label if label in settings else "default"
+    return Case(agent, label, settings[label], **task)
+
+
+class Result(NamedTuple):
+    """What came of one run."""
+
+    run: int
+    """Number of the run within its study."""
+    success: bool
+    """Whether its last trial lasted N steps."""
+    lengths: np.ndarray
+    """Steps of each trial, in order; every trial is counted."""
+    seconds: float
+    """Wall time."""
+
+    @property
+    def trials(self) -> int:
+        """How many trials were made."""
+        return len(self.lengths)
+
+
+def random_numbers(seed: int, run: int) -> np.random.Generator:
+    """Return the stream of random numbers that is this run's own."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
+
+
+def make_run(
+    case: Case,
+    seed: int,
+    run: int,
+    lengths: np.ndarray | None = None,
+    stop: np.ndarray | None = None,
+) -> tuple[Any, Result | None]:
+    """Let a new agent learn.
+
+    Parameters
+    ----------
+    lengths
+        Where the length of each trial is written as it ends, shape (case.trials,), int64; for a
+        thread that watches.
+    stop
+        Set its one element, a bool, to end the run before its next trial.
+
+    Returns
+    -------
+    tuple
+        The agent as it is then, and the result; None in its place if the run was stopped.
+    """
+    rng = random_numbers(seed, run)
+    lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
+    stop = np.zeros(1, np.bool_) if stop is None else stop
+    agent = case.settings.agent(rng)
+    began = time.perf_counter()
+    count = compiled_run(agent, equations(case.task().parameters), case.task(), rng, lengths, stop)
+    seconds = time.perf_counter() - began
+    success = count > 0 and bool(lengths[count - 1] == case.steps)
+    if not success and count < case.trials:
+        return agent, None
+    return agent, Result(run, success, lengths[:count].copy(), seconds)
+
+
+def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
+    return make_run(case, seed, run, stop=stop)[1]
+
+
+def study(
+    cases: Iterable[Case],
+    runs: int,
+    seed: int,
+    store: Store,
+    on_result: Callable[[Case, Result], None] = lambda case, result: None,
+    executor: Executor | None = None,
+) -> None:
+    """Make the runs that the store does not hold yet, and write each down as it ends.
+
+    Parameters
+    ----------
+    cases
+        What to run.
+    runs
+        How many runs of each case, numbered from 0.
+    seed
+        Of the study. Run k of a case draws the same random numbers whatever the executor, the
+        order, or the runs made before.
+    store
+        Where finished runs are looked up and written.
+    on_result
+        Told of every run as it ends.
+    executor
+        Where to run; a thread for every core unless given. Compiled runs share the cores as
+        threads.
+
+    Raises
+    ------
+    UprightError
+        If `runs` or `seed` is no whole number in its range.
+    KeyboardInterrupt
+        If interrupted; the runs that had ended are in the store.
+    """
+    require("runs", runs, 1, 10**6, whole=True)
+    require("seed", seed, 0, 2**63 - 1, whole=True)
+    stop = np.zeros(1, np.bool_) if executor is None else None
+    executor = executor or ThreadPoolExecutor(cpu_count())
+    futures: dict[Future[Result | None], Case] = {}
+    try:
+        for case in cases:
+            done = store.finished(case.key, seed)
+            for run in range(runs):
+                if run not in done:
+                    futures[executor.submit(_job, case, seed, run, stop)] = case
+        for future in as_completed(futures):
+            result, case = future.result(), futures[future]
+            assert result is not None, "only an interrupt stops a run"
+            store.add(case.key, seed, result)
+            on_result(case, result)
+    except BaseException:
+        if stop is not None:
+            stop[0] = True
+        for future in futures:
+            future.cancel()
+        raise
+    finally:
+        executor.shutdown(wait=threading.current_thread() is threading.main_thread())

@@ -1,0 +1,111 @@
+"""The loop: a trial from start to fall, and a run of trials.
+
+`trial` is written once. Called as it stands it moves any plant and any agent through their methods;
+compiled, it moves the equations and the package's agents at millions of steps a second. The same
+seed gives the same trial lengths either way.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numba.extending import overload
+
+from upright.agents.agent import Agent
+from upright.cartpole import State, has_fallen
+from upright.compiled import compiled
+from upright.noise import disturb, draw_start, measure
+from upright.task import Task
+
+
+class Plant(Protocol):
+    """A body: anything with a cart that can be pushed and a pole that can fall."""
+
+    def reset(self, state: State) -> State:
+        """Put the plant into `state` and return the state it is in."""
+
+    def step(self, force: float) -> State:
+        """Apply a force [N] for one time step and return the true state then."""
+
+    def close(self) -> None:
+        """Release what the plant holds."""
+
+
+def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> int:
+    """Let an agent balance once, from a start to a fall or to the step that makes it a success.
+
+    Parameters
+    ----------
+    agent
+        The learner; its memory changes.
+    plant
+        The body to balance; it is reset first.
+    task
+        Noise, start, limits and the length of a success.
+    rng
+        The run's own random numbers.
+
+    Returns
+    -------
+    int
+        How many steps the trial lasted; ``task.steps`` if the pole never fell.
+    """
+    state = plant.reset(draw_start(task.start, rng))
+    observation = measure(task.noise, state, rng)
+    agent.begin_trial(rng)
+    fallen = False
+    steps = 0
+    while steps < task.steps and not fallen:
+        action = agent.act(observation, rng)
+        push = task.parameters.force if action else -task.parameters.force
+        state = plant.step(disturb(task.noise, push, rng))
+        fallen = has_fallen(task.parameters, state)
+        before, observation = observation, measure(task.noise, state, rng)
+        agent.learn(before, action, observation, fallen)
+        steps += 1
+    agent.end_trial(fallen)
+    return task.steps if not fallen else steps
+
+
+_compiled_trial = compiled(trial)
+
+
+@overload(trial)
+def _call_compiled_trial(agent, plant, task, rng):  # type: ignore[no-untyped-def]
+    return lambda agent, plant, task, rng: _compiled_trial(agent, plant, task, rng)
+
+
+def run(
+    agent: Agent,
+    plant: Plant,
+    task: Task,
+    rng: np.random.Generator,
+    lengths: np.ndarray,
+    stop: np.ndarray,
+) -> int:
+    """Let an agent learn, trial after trial, until one succeeds.
+
+    Parameters
+    ----------
+    agent, plant, task, rng
+        As for `trial`. The agent's memory is kept from one trial to the next.
+    lengths
+        Shape (task.trials,), int64. The length of each trial is written here as it ends, so that
+        another thread can watch.
+    stop
+        Shape (1,), bool. The run ends early, before the next trial, once another thread sets it.
+
+    Returns
+    -------
+    int
+        How many trials were made. The run was successful if the last of them was.
+    """
+    for number in range(task.trials):
+        if stop[0]:
+            return number
+        lengths[number] = trial(agent, plant, task, rng)
+        if lengths[number] == task.steps:
+            return number + 1
+    return task.trials
+
+
+compiled_run = compiled(run)
