@@ -79,6 +79,7 @@ class Compiled:
         return _jit(self.py_func, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the function from Python."""
         return self._outer(*arguments)
 
     def __get__(self, instance: object, owner: type | None = None) -> Any:
@@ -122,7 +123,7 @@ def _callable_in_compiled_code(name: str) -> None:
     in the cache by the next process.
     """
 
-    def find(instance, *arguments):  # type: ignore[no-untyped-def]  # Numba compares signatures
+    def find(instance, *arguments):  # type: ignore[no-untyped-def]  # noqa: ARG001
         method = getattr(instance.instance_class, name, None)
         return (lambda instance, *arguments: method(instance, *arguments)) if method else None
 

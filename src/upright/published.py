@@ -29,13 +29,11 @@ class Source(NamedTuple):
     """N: steps of a successful trial."""
     mean_trials: dict[str, float]
     """Mean number of trials by noise case."""
-    success_rate: dict[str, float] = {}
-    """Part of the runs that succeeded, where it is not 1."""
 
 
 SOURCES = (
     Source(
-        "Report, Table I",
+        "Report",
         "Balancing an Inverted Pendulum using Reinforcement Learning (course report), Table I: "
         "REINFORCE, learning rate 0.1, discount 0.97",
         "reinforce",
@@ -44,7 +42,7 @@ SOURCES = (
         dict(zip(CASES, (35.65, 34.6, 49.6, 32.5, 44.1, 40.6, 106.9), strict=True)),
     ),
     Source(
-        "Report, Table II",
+        "Report",
         "Balancing an Inverted Pendulum using Reinforcement Learning (course report), Table II: "
         "tabular Q-learning, learning rate 0.3, discount 0.9; another session, in its figure 5, "
         "averaged 209",
@@ -64,7 +62,7 @@ SOURCES = (
         dict(zip(CASES, (6.0, 8.0, 14.0, 32.0, 54.0, 164.0, 193.0), strict=True)),
     ),
     Source(
-        "He et al. 2012",
+        "He 2012",
         "H. He, Z. Ni, J. Fu, A three-network architecture for on-line learning and optimization "
         "based on adaptive dynamic programming, Neurocomputing 78, 2012, Table 2",
         None,
@@ -75,12 +73,12 @@ SOURCES = (
     Source(
         "gym-cartpolemod",
         "README of the program gym-cartpolemod: DQN; its actuator noise is drawn once per "
-        "environment and its sensor noise enters the dynamics, so the task differs",
+        "environment and its sensor noise enters the dynamics, so the task differs; 98 % of the "
+        "runs succeeded under gaussian-0.2, all elsewhere",
         None,
         100,
         60_000,
         dict(zip(CASES, (119.68, 118.88, 130.47, 123.93, 133.67, 179.36, 209.59), strict=True)),
-        {"gaussian-0.2": 0.98},
     ),
 )
 

@@ -8,6 +8,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_complete
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from os import cpu_count
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,9 +129,11 @@ def make_run(
     rng = random_numbers(seed, run)
     lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
-    agent = case.settings.agent(rng)
+    agent, task = case.settings.agent(rng), case.task()
+    plant = equations(task.parameters)
+    compiled_run(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
     began = time.perf_counter()
-    count = compiled_run(agent, equations(case.task().parameters), case.task(), rng, lengths, stop)
+    count = compiled_run(agent, plant, task, rng, lengths, stop)
     seconds = time.perf_counter() - began
     success = count > 0 and bool(lengths[count - 1] == case.steps)
     if not success and count < case.trials:
@@ -147,7 +150,7 @@ def study(
     runs: int,
     seed: int,
     store: Store,
-    on_result: Callable[[Case, Result], None] = lambda case, result: None,
+    on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
     executor: Executor | None = None,
 ) -> None:
     """Make the runs that the store does not hold yet, and write each down as it ends.
@@ -200,3 +203,27 @@ def study(
         raise
     finally:
         executor.shutdown(wait=threading.current_thread() is threading.main_thread())
+
+
+def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
+    """Return what a store file holds: cases, seeds, and the runs made of them.
+
+    Raises
+    ------
+    UprightError
+        If the file is missing or not a store.
+    """
+    store = Store(path, must_exist=True)
+    found = []
+    for values, key, seed in store.cases():
+        named = named_settings(values["agent"])
+        kind = type(named["default"])
+        settings = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in values.pop("settings").items()
+        }
+        values.pop("rule")
+        case = Case(settings=kind(**settings), **values)
+        found.append((case, seed, store.results(key, seed)))
+    store.close()
+    return found

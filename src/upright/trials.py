@@ -70,7 +70,7 @@ _compiled_trial = compiled(trial)
 
 
 @overload(trial)
-def _call_compiled_trial(agent, plant, task, rng):  # type: ignore[no-untyped-def]
+def _call_compiled_trial(agent, plant, task, rng):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return lambda agent, plant, task, rng: _compiled_trial(agent, plant, task, rng)
 
 

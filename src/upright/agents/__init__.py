@@ -79,6 +79,7 @@ def describe_settings(settings: Settings) -> dict[str, str]:
     lines = {}
     for field, text in zip(definition.body, definition.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-            assert isinstance(field.target, ast.Name) and isinstance(text.value, ast.Constant)
+            assert isinstance(field.target, ast.Name)
+            assert isinstance(text.value, ast.Constant)
             lines[field.target.id] = " ".join(str(text.value.value).split())
     return lines

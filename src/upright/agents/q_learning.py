@@ -10,10 +10,11 @@ says, and each move from box b to box b' under push a changes the table (C. Watk
 As published, that happens at every time step. The tuned settings instead keep the moves from one
 box to another and learn when the pole has fallen: the last moves are gone through backwards, the
 newest first, so that news of the fall travels along the whole way that led there (L.-J. Lin,
-*Self-improving reactive agents*, Machine Learning 8, 1992). The value r + γ max Q is then mixed with
-the one that the move after it was given:
+*Self-improving reactive agents*, Machine Learning 8, 1992). What a move is worth is then mixed with
+the worth G of the move after it:
 
-    G ← -1 at a fall, else γ ((1 - λ) max_a' Q(b', a') + λ G),    Q(b, a) ← Q(b, a) + α (G - Q(b, a)).
+    G ← -1 at a fall, else γ ((1 - λ) max_a' Q(b', a') + λ G),
+    Q(b, a) ← Q(b, a) + α (G - Q(b, a)).
 
 A cart-pole seen in a mirror is a cart-pole: with `mirrored`, a box and its mirror image share their
 values, pushes exchanged.

@@ -1,9 +1,9 @@
 """Random search: a new random policy for every trial. The null hypothesis.
 
-The policy is linear and bang-bang: push right when w · observation > 0, with w drawn afresh for each
-trial. Nothing is learned, nothing is kept. A learner that needs as many trials has shown nothing,
-so the guess stands in every table. It is given the input scales that serve REINFORCE best, which
-makes it a strong opponent: with plain SI units it needs about five times as many trials.
+The policy is linear and bang-bang: push right when w · observation > 0, with w drawn afresh for
+each trial. Nothing is learned, nothing is kept. A learner that needs as many trials has shown
+nothing, so the guess stands in every table. Its input scales make it a strong opponent: weights
+drawn alike in SI units need about five times as many trials.
 """
 
 import math

@@ -284,7 +284,7 @@ def sigmoid(z):
 
 @compiled
 def activation(z):
-    """Return a unit's output: z above zero, bending towards -1 below (ISRLU, an ELU without exp)."""
+    """Return a unit's output: z above zero, bending towards -1 below (ISRLU: ELU without exp)."""
     return z if z > 0.0 else z / math.sqrt(1.0 + z * z)
 
 

@@ -1,0 +1,483 @@
+"""The `upright` command."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NoReturn
+
+from upright import __version__
+from upright.errors import UprightError
+from upright.published import CASES
+
+if TYPE_CHECKING:
+    from upright.study import Case
+
+FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
+"""Exit statuses besides 0."""
+
+TASK_HELP = f"""\
+noise cases: {", ".join(CASES)}
+  (published), all-5, all-10 (all four measurements); "all" means the published seven.
+agents: reinforce, q-learning, random-search; `upright agents` tells more.
+"""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaints take one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and end."""
+        self.exit(BAD_USE, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        status: int = options.command(options)
+    except UprightError as error:
+        print(f"upright: error: {error}", file=sys.stderr)
+        return BAD_USE
+    except KeyboardInterrupt:
+        print("upright: stopped", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        return FAILED
+    return status
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="upright",
+        description="Learn to balance an inverted pendulum, and measure how fast it was learned.",
+        epilog="""\
+examples:
+  upright learn reinforce                      watch one run learn, trial by trial
+  upright table --agents reinforce,random-search --runs 20
+                                               a study: success rate and mean trials
+  upright reproduce                            the published tables again, with pictures
+  upright show results/runs.sqlite             what a store of runs holds
+  upright plot policy results/reinforce.npz    a picture of what was learned
+`upright COMMAND --help` shows more of each.
+""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"upright {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for add in (_add_learn, _add_table, _add_reproduce, _add_show, _add_plot, _add_agents):
+        add(commands)
+    return parser
+
+
+def _command(
+    commands: "argparse._SubParsersAction[Parser]", name: str, summary: str, epilog: str
+) -> Parser:
+    return commands.add_parser(
+        name,
+        help=summary,
+        description=summary[0].upper() + summary[1:] + ".",
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def _add_task_options(parser: Parser) -> None:
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=60_000,
+        metavar="N",
+        help="a trial of this many steps of 0.02 s succeeds (default 60000)",
+    )
+    parser.add_argument(
+        "--trials",
+        type=int,
+        default=1_000,
+        metavar="N",
+        help="a run is at most this many trials (default 1000)",
+    )
+    parser.add_argument(
+        "--start",
+        default="random",
+        metavar="NAME",
+        help="random: each of the four within ±0.05 (default); or zero",
+    )
+    parser.add_argument(
+        "--integrator",
+        default="euler",
+        metavar="NAME",
+        help="euler (default, as published), semi-implicit or rk4",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="the same seed gives the same result (default 0)",
+    )
+    parser.add_argument(
+        "--settings", default="default", metavar="NAME", help="default (tuned) or as-published"
+    )
+
+
+def _add_learn(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "learn",
+        "let an agent learn, and show each trial as it ends",
+        f"""\
+examples:
+  upright learn reinforce --noise gaussian-0.1 --seed 3
+  upright learn q-learning --settings as-published --plot curve.png
+  upright learn reinforce --steps 600000 --save policy.npz
+  upright learn q-learning --set learning_rate=0.2 --set discount=0.98
+{TASK_HELP}exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible.
+""",
+    )
+    parser.add_argument("agent", metavar="AGENT", help="who learns")
+    parser.add_argument("--noise", default="none", metavar="CASE", help="noise case (default none)")
+    _add_task_options(parser)
+    parser.add_argument(
+        "--run",
+        type=int,
+        default=0,
+        metavar="K",
+        help="number of the run within its study (default 0)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="changes",
+        help="change one setting; may be repeated",
+    )
+    parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
+    parser.add_argument("--save", metavar="FILE", help="save the policy, as FILE.npz")
+    parser.add_argument("--quiet", action="store_true", help="print only how it ended")
+    parser.set_defaults(command=learn)
+
+
+def _add_table(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "table",
+        "measure agents over many runs, beside published figures",
+        f"""\
+examples:
+  upright table --agents reinforce,q-learning,random-search --noises all --runs 100
+  upright table --agents reinforce --noises none,gaussian-0.2 --settings as-published
+  upright table --runs 100 --steps 600000 --store runs.sqlite   (stopped? the same goes on)
+  upright table --format json --output table.json
+{TASK_HELP}""",
+    )
+    parser.add_argument(
+        "--agents",
+        default="reinforce,q-learning,random-search",
+        metavar="LIST",
+        help="agents, with commas between (default: all)",
+    )
+    parser.add_argument(
+        "--noises",
+        default="all",
+        metavar="LIST",
+        help="noise cases, with commas between (default: all)",
+    )
+    parser.add_argument(
+        "--runs",
+        type=int,
+        default=20,
+        metavar="N",
+        help="independent runs of each case (default 20)",
+    )
+    _add_task_options(parser)
+    parser.add_argument(
+        "--store",
+        metavar="FILE",
+        help="keep every finished run there, and take from it what is done",
+    )
+    _add_format_options(parser)
+    parser.set_defaults(command=table)
+
+
+def _add_format_options(parser: Parser) -> None:
+    parser.add_argument(
+        "--format",
+        default="text",
+        metavar="NAME",
+        help="text (default), markdown, csv, json or latex",
+    )
+    parser.add_argument("--output", metavar="FILE", help="write the table there, not on the screen")
+
+
+def _add_reproduce(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "reproduce",
+        "make the published tables again, with pictures",
+        """\
+examples:
+  upright reproduce                      20 runs a case, as the report, into results/
+  upright reproduce --runs 100           the stricter form; keeps the runs already made
+  upright reproduce --output /tmp/again
+Stopped, the same command goes on where it was.
+""",
+    )
+    parser.add_argument(
+        "--runs",
+        type=int,
+        default=20,
+        metavar="N",
+        help="independent runs of each case (default 20)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="the same seed gives the same result (default 0)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=60_000,
+        metavar="N",
+        help="a trial of this many steps of 0.02 s succeeds (default 60000)",
+    )
+    parser.add_argument(
+        "--output",
+        default="results",
+        metavar="FOLDER",
+        help="where everything is written (default results)",
+    )
+    parser.set_defaults(command=reproduce)
+
+
+def _add_show(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "show",
+        "show the table of what a store holds",
+        """\
+examples:
+  upright show runs.sqlite
+  upright show results/runs.sqlite --format markdown --output table.md
+""",
+    )
+    parser.add_argument("store", metavar="STORE", help="a file written by table or reproduce")
+    _add_format_options(parser)
+    parser.set_defaults(command=show)
+
+
+def _add_plot(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "plot",
+        "draw what a store or a saved policy holds",
+        """\
+examples:
+  upright plot curves results/runs.sqlite --output curves.png
+  upright plot trials results/runs.sqlite --output trials.pdf
+  upright plot policy results/reinforce.npz --output policy.png
+  upright plot phases results/reinforce.npz --output phases.png
+""",
+    )
+    parser.add_argument(
+        "what",
+        choices=("curves", "trials", "policy", "phases"),
+        help="learning curves (noise-free) or distributions of trials, of a store; "
+        "map of pushes or phase portraits, of a policy",
+    )
+    parser.add_argument("source", metavar="FILE", help="a store, or a policy saved by learn --save")
+    parser.add_argument(
+        "--output",
+        metavar="PICTURE",
+        help="png, pdf or svg (default: named after what is drawn, in this folder)",
+    )
+    parser.set_defaults(command=plot)
+
+
+def _add_agents(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "agents",
+        "tell which agents there are, and their settings",
+        """\
+examples:
+  upright agents
+  upright agents q-learning
+""",
+    )
+    parser.add_argument("agent", nargs="?", metavar="AGENT", help="tell of this one's settings")
+    parser.set_defaults(command=agents)
+
+
+def learn(options: argparse.Namespace) -> int:
+    """Carry out `upright learn`."""
+    from upright.errors import require
+    from upright.files import check_output
+    from upright.watch import watch_run
+
+    case = _changed_case(options)
+    require("seed", options.seed, 0, 2**63 - 1)
+    require("run", options.run, 0, 10**6)
+    for path in filter(None, (options.plot, options.save)):
+        check_output(path)
+    memory, result = watch_run(case, options.seed, options.run, quiet=options.quiet)
+    if options.plot:
+        from upright.plots import plot_curve, save
+
+        title = f"{case.agent}, {case.noise}, seed {options.seed}, run {options.run}"
+        save(plot_curve(result.lengths, case.steps, title), options.plot)
+        print(f"learning curve: {options.plot}")
+    if options.save:
+        from upright.policy import learned_policy, save_policy
+
+        policy = learned_policy(case, options.seed, options.run, memory)
+        save_policy(options.save, policy, case.settings)
+        print(f"policy: {options.save}")
+    return 0 if result.success else FAILED
+
+
+def _changed_case(options: argparse.Namespace) -> "Case":
+    from dataclasses import replace
+
+    from upright.agents import change_settings
+    from upright.study import make_case
+
+    case = make_case(
+        options.agent,
+        options.settings,
+        noise=options.noise,
+        start=options.start,
+        steps=options.steps,
+        trials=options.trials,
+        integrator=options.integrator,
+    )
+    changes = {}
+    for change in options.changes:
+        name, sign, value = change.partition("=")
+        if not sign:
+            raise UprightError(f"--set is {change!r}; it must be NAME=VALUE")
+        changes[name.strip().replace("-", "_")] = value.strip()
+    return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+
+
+def table(options: argparse.Namespace) -> int:
+    """Carry out `upright table`."""
+    from upright.errors import require, require_one_of
+    from upright.files import check_output
+    from upright.progress import study_with_progress
+    from upright.report import FORMATS, render, summarise_all
+    from upright.store import Store
+    from upright.study import make_case
+
+    require_one_of("format", options.format, FORMATS)
+    require("runs", options.runs, 1, 10**6)
+    require("seed", options.seed, 0, 2**63 - 1)
+    task = {name: getattr(options, name) for name in ("start", "steps", "trials", "integrator")}
+    noises = CASES if options.noises == "all" else _split(options.noises)
+    cases = [
+        make_case(agent, options.settings, noise=noise, **task)
+        for agent in _split(options.agents)
+        for noise in noises
+    ]
+    if options.output:
+        check_output(options.output)
+    store = Store(options.store)
+    try:
+        study_with_progress(cases, options.runs, options.seed, store)
+    except KeyboardInterrupt:
+        kept = f"finished runs are kept in {options.store}; the same command goes on from there"
+        lost = "nothing was kept; with --store FILE finished runs would be"
+        print(f"upright: {kept if options.store else lost}", file=sys.stderr)
+        raise
+    _put(render(summarise_all(cases, options.runs, options.seed, store), options.format), options)
+    return 0
+
+
+def _split(names: str) -> list[str]:
+    return list(dict.fromkeys(name.strip() for name in names.split(",")))
+
+
+def _put(text: str, options: argparse.Namespace) -> None:
+    from upright.files import write_file
+
+    if options.output:
+        write_file(options.output, text)
+    else:
+        print(text, end="")
+
+
+def reproduce(options: argparse.Namespace) -> int:
+    """Carry out `upright reproduce`."""
+    from upright.reproduce import reproduce
+
+    try:
+        report = reproduce(options.output, options.runs, options.seed, options.steps)
+    except KeyboardInterrupt:
+        kept = f"finished runs are kept in {options.output}; the same command goes on from there"
+        print(f"upright: {kept}", file=sys.stderr)
+        raise
+    print(f"report: {report}")
+    return 0
+
+
+def show(options: argparse.Namespace) -> int:
+    """Carry out `upright show`."""
+    from upright.errors import require_one_of
+    from upright.report import FORMATS, render, summarise
+    from upright.study import stored
+
+    require_one_of("format", options.format, FORMATS)
+    rows = [summarise(case, seed, results) for case, seed, results in stored(options.store)]
+    if not rows:
+        raise UprightError(f"store is {options.store!r}; it holds no runs")
+    _put(render(rows, options.format), options)
+    return 0
+
+
+def plot(options: argparse.Namespace) -> int:
+    """Carry out `upright plot`."""
+    from upright import plots
+    from upright.files import check_output
+    from upright.policy import load_policy
+    from upright.study import stored
+
+    output = check_output(options.output or f"{options.what}.png")
+    if options.what in ("policy", "phases"):
+        policy = load_policy(options.source)
+        figure = (
+            plots.plot_policies([policy]) if options.what == "policy" else plots.plot_phases(policy)
+        )
+    else:
+        learned = [(case, results) for case, _, results in stored(options.source)]
+        if options.what == "curves":
+            learned = [(case, results) for case, results in learned if case.noise == "none"]
+        if not learned:
+            raise UprightError(f"store is {options.source!r}; it holds no runs to draw")
+        figure = (
+            plots.plot_curves(learned) if options.what == "curves" else plots.plot_trials(learned)
+        )
+    plots.save(figure, output)
+    print(f"picture: {output}")
+    return 0
+
+
+def agents(options: argparse.Namespace) -> int:
+    """Carry out `upright agents`."""
+    from importlib import import_module
+
+    from upright.agents import AGENTS, describe_settings, named_settings
+
+    for agent in [options.agent] if options.agent else AGENTS:
+        named = named_settings(agent)
+        summary = (import_module(AGENTS[agent]).__doc__ or "").splitlines()[0]
+        print(f"{agent}: {summary}")
+        if not options.agent:
+            continue
+        for setting, text in describe_settings(named["default"]).items():
+            values = ", ".join(f"{label} {getattr(s, setting)!r}" for label, s in named.items())
+            print(f"  {setting}: {text}\n      {values}")
+    return 0

@@ -1,0 +1,121 @@
+"""What was learned, kept in a file and played again."""
+
+import io
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from upright import __version__
+from upright.agents import AGENTS, Settings, named_settings
+from upright.cartpole import State
+from upright.errors import UprightError
+from upright.files import write_file
+from upright.study import Case
+
+FORMAT = "upright policy 1"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A learned policy. It balances as an agent does, and learns no more."""
+
+    agent: str
+    """Name of the agent that learned it."""
+    memory: Any
+    """Its memory."""
+    task: dict[str, Any]
+    """What it learned on: noise, start, steps, integrator, seed and run."""
+
+    def push_probability(self, observation: State) -> float:
+        """Return the probability of a push to the right."""
+        return float(self.memory.push_probability(State(*map(float, observation))))
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Nothing is to be done."""
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        """Sample a push."""
+        return bool(rng.random() < self.push_probability(observation))
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Learn nothing."""
+
+    def end_trial(self, fallen: bool) -> None:
+        """Learn nothing."""
+
+
+def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
+    """Return the policy that an agent learned in a run."""
+    names = ("noise", "start", "steps", "integrator")
+    task = {name: getattr(case, name) for name in names} | {"seed": seed, "run": run}
+    return Policy(case.agent, memory, task)
+
+
+def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
+    """Write a policy to a file: a NumPy archive of plain arrays and a header in JSON.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be written.
+    """
+    header = {
+        "format": FORMAT,
+        "version": __version__,
+        "agent": policy.agent,
+        "settings": asdict(settings),  # type: ignore[call-overload]
+        "task": policy.task,
+        "observation": ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"],
+        "action": "push to the right (+F) with the probability that the policy returns, else left",
+    }
+    written = io.BytesIO()
+    np.savez_compressed(
+        written,
+        allow_pickle=False,
+        header=np.array(json.dumps(header)),
+        **dict(_arrays(policy.memory)),
+    )
+    write_file(path, written.getvalue())
+
+
+def load_policy(path: Path | str) -> Policy:
+    """Read a policy from a file. Nothing in the file is executed.
+
+    Raises
+    ------
+    UprightError
+        If the file is missing, damaged, or not a policy.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            header = json.loads(str(archive["header"]))
+            if header["format"] != FORMAT or header["agent"] not in AGENTS:
+                raise ValueError("it is of another format")
+            kind = type(named_settings(header["agent"])["default"])
+            values = {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in header["settings"].items()
+            }
+            memory = kind(**values).agent(np.random.default_rng(0))
+            for name, array in _arrays(memory):
+                if archive[name].shape != array.shape:
+                    raise ValueError(f"{name} has another shape")
+                array[...] = archive[name]
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise UprightError(f"policy is {str(path)!r}; it cannot be read: {error}") from None
+    return Policy(header["agent"], memory, header["task"])
+
+
+def _arrays(memory: Any, prefix: str = "") -> list[tuple[str, np.ndarray]]:
+    """Return all arrays of a memory, those of the tuples in it included, by name."""
+    found = []
+    for name, value in memory._asdict().items():
+        if isinstance(value, np.ndarray):
+            found.append((prefix + name, value))
+        elif hasattr(value, "_asdict"):
+            found += _arrays(value, f"{prefix}{name}.")
+    return found

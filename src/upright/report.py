@@ -1,0 +1,287 @@
+"""Statistics of studies, and tables of them for people and programs."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from upright import __version__
+from upright.errors import require_one_of
+from upright.published import SOURCES, figures
+from upright.store import Store
+from upright.study import Case, Result
+
+CONFIDENCE = 0.95
+RESAMPLES = 9_999
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case of a study in numbers."""
+
+    agent: str
+    """Name of the agent."""
+    settings: str
+    """Name of its settings."""
+    noise: str
+    """Name of the noise case."""
+    start: str
+    """Name of the start."""
+    steps: int
+    """N: steps of a successful trial."""
+    runs: int
+    """How many runs were made."""
+    successes: int
+    """How many of them succeeded."""
+    success_rate: float
+    """Part of the runs that succeeded."""
+    success_ci95: tuple[float, float]
+    """Its 95 % interval (Wilson 1927)."""
+    mean_trials: float | None
+    """Mean number of trials over the successful runs; None if there is none, as below."""
+    ci95: tuple[float, float] | None
+    """Its 95 % interval (bias-corrected and accelerated bootstrap, Efron 1987)."""
+    median_trials: float | None
+    """Their median."""
+    p95_trials: float | None
+    """Their 95th percentile."""
+    max_trials: int | None
+    """The most trials that a successful run needed."""
+    steps_simulated: int
+    """Steps of all trials of all runs."""
+    seconds: float
+    """Computing time of all runs, on one core."""
+    published: dict[str, float]
+    """Published mean trials of the same noise case, by source."""
+    seed: int
+    """Seed of the study."""
+    version: str = __version__
+    """Version of this package."""
+
+
+def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
+    """Return the statistics of a case over its runs."""
+    trials = np.array([result.trials for result in results if result.success])
+    rate_interval = wilson_interval(len(trials), len(results))
+    some = len(trials) > 0
+    return Row(
+        agent=case.agent,
+        settings=case.label,
+        noise=case.noise,
+        start=case.start,
+        steps=case.steps,
+        runs=len(results),
+        successes=len(trials),
+        success_rate=len(trials) / max(1, len(results)),
+        success_ci95=rate_interval,
+        mean_trials=float(trials.mean()) if some else None,
+        ci95=bootstrap_interval(trials) if some else None,
+        median_trials=float(np.median(trials)) if some else None,
+        p95_trials=float(np.percentile(trials, 95)) if some else None,
+        max_trials=int(trials.max()) if some else None,
+        steps_simulated=int(sum(result.lengths.sum() for result in results)),
+        seconds=sum(result.seconds for result in results),
+        published=figures(case.agent, case.noise),
+        seed=seed,
+    )
+
+
+def summarise_all(cases: Iterable[Case], runs: int, seed: int, store: Store) -> list[Row]:
+    """Return the statistics of the first `runs` runs of each case."""
+    return [summarise(case, seed, store.results(case.key, seed, runs)) for case in cases]
+
+
+def wilson_interval(successes: int, runs: int) -> tuple[float, float]:
+    """Return the 95 % interval of a success rate (E. B. Wilson, J. Amer. Stat. Ass. 22, 1927)."""
+    from scipy.stats import binomtest
+
+    if runs == 0:
+        return 0.0, 1.0
+    interval = binomtest(successes, runs).proportion_ci(CONFIDENCE, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def bootstrap_interval(values: np.ndarray) -> tuple[float, float]:
+    """Return the 95 % interval of a mean (B. Efron, J. Amer. Stat. Ass. 82, 1987: BCa).
+
+    The same values give the same interval. Of values all alike it is that value; of a single one
+    nothing can be said, and the interval is again that value.
+    """
+    from scipy.stats import bootstrap
+
+    if np.all(values == values[0]):
+        return float(values[0]), float(values[0])
+    interval = bootstrap(
+        (np.asarray(values, float),),
+        np.mean,
+        confidence_level=CONFIDENCE,
+        n_resamples=RESAMPLES,
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+class Table(NamedTuple):
+    """A table of text."""
+
+    head: list[str]
+    body: list[list[str]]
+    notes: list[str]
+    """Lines to stand below."""
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """Return a number for people; a dash for none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def mean_text(row: Row) -> str:
+    """Return mean trials with their interval, and how many runs they leave out."""
+    if row.mean_trials is None or row.ci95 is None:
+        return "–"
+    return f"{row.mean_trials:.1f} [{row.ci95[0]:.1f}, {row.ci95[1]:.1f}]"
+
+
+def success_text(row: Row) -> str:
+    """Return the success rate with its interval."""
+    low, high = row.success_ci95
+    return f"{100 * row.success_rate:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def study_table(rows: Sequence[Row]) -> Table:
+    """Return a table with a line for every case, beside the published figures."""
+    sources = list(dict.fromkeys(name for row in rows for name in row.published))
+    measured = ["Agent", "Settings", "Noise", "Success", "Mean trials", "Median", "p95", "Max"]
+    body = [
+        [
+            row.agent,
+            row.settings,
+            row.noise,
+            success_text(row),
+            mean_text(row),
+            number(row.median_trials),
+            number(row.p95_trials),
+            number(row.max_trials, 0),
+            *(number(row.published.get(source), 2) for source in sources),
+        ]
+        for row in rows
+    ]
+    return Table(measured + sources, body, _notes(rows, sources))
+
+
+def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
+    made = sorted({(row.runs, row.steps, row.start, row.seed) for row in rows})
+    notes = [
+        f"{runs} runs a case, N = {steps:,} steps, start {start}, seed {seed}, "
+        f"upright {__version__}."
+        for runs, steps, start, seed in made
+    ]
+    notes.append(
+        "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
+        "successful one included. In brackets: 95 % intervals."
+    )
+    notes += [
+        f"{source.name}: {source.citation} ({source.runs} runs, N = {source.steps:,})."
+        for source in SOURCES
+        if source.name in sources and (source.agent is None or source.agent in _agents(rows))
+    ]
+    return notes
+
+
+def _agents(rows: Sequence[Row]) -> set[str]:
+    return {row.agent for row in rows}
+
+
+def to_text(table: Table) -> str:
+    """Return a table for the terminal."""
+    from rich.console import Console
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    drawn = RichTable(box=None, pad_edge=False, header_style="")
+    for index, head in enumerate(table.head):
+        numeric = index > 0 and head not in ("Settings", "Noise")
+        drawn.add_column(head, justify="right" if numeric else "left", no_wrap=True)
+    for line in table.body:
+        drawn.add_row(*(Text(cell) for cell in line))
+    written = io.StringIO()
+    console = Console(file=written, width=1000, highlight=False)
+    console.print(drawn)
+    lines = [line.rstrip() for line in written.getvalue().splitlines()]
+    lines.insert(1, "─" * max(len(line) for line in lines))
+    return "\n".join([*lines, "", *table.notes]) + "\n"
+
+
+def to_markdown(table: Table) -> str:
+    """Return a table in Markdown."""
+    lines = [table.head, ["---"] * len(table.head), *table.body]
+    written = ["| " + " | ".join(line) + " |" for line in lines]
+    return "\n".join(written) + "\n\n" + "\n".join(f"- {note}" for note in table.notes) + "\n"
+
+
+def to_latex(table: Table) -> str:
+    """Return a table in LaTeX, for the package booktabs."""
+
+    def line(cells: Sequence[str]) -> str:
+        return " & ".join(_escape_latex(cell) for cell in cells) + r" \\"
+
+    head = [r"\begin{tabular}{" + "l" * len(table.head) + "}", r"\toprule"]
+    body = [line(table.head), r"\midrule", *map(line, table.body)]
+    notes = [f"% {note}" for note in table.notes]
+    return "\n".join([*notes, *head, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _escape_latex(cell: str) -> str:
+    for sign in "&%_#":
+        cell = cell.replace(sign, "\\" + sign)
+    # A bracket that opens a line would be read as an option of the line before.
+    return cell.replace("–", "--").replace("[", "{[}").replace("]", "{]}")
+
+
+def to_json(rows: Sequence[Row]) -> str:
+    """Return the rows as a JSON array of objects with the fields of `Row`."""
+    return json.dumps([asdict(row) for row in rows], indent=2, allow_nan=False) + "\n"
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """Return the rows as comma-separated values; intervals and sources have own columns."""
+    flat = [_flatten(row) for row in rows]
+    written = io.StringIO()
+    heads = list(dict.fromkeys(name for line in flat for name in line))
+    writer = csv.DictWriter(written, heads, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(flat)
+    return written.getvalue()
+
+
+def _flatten(row: Row) -> dict[str, object]:
+    line = asdict(row)
+    for name in ("success_ci95", "ci95"):
+        line[f"{name}_low"], line[f"{name}_high"] = line.pop(name) or (None, None)
+    for source, value in line.pop("published").items():
+        line[f"published: {source}"] = value
+    return line
+
+
+FORMATS = ("text", "markdown", "csv", "json", "latex")
+
+
+def render(rows: Sequence[Row], format_name: str) -> str:
+    """Return the table of a study in one of the FORMATS.
+
+    Raises
+    ------
+    UprightError
+        If there is no such format.
+    """
+    require_one_of("format", format_name, FORMATS)
+    if format_name == "json":
+        return to_json(rows)
+    if format_name == "csv":
+        return to_csv(rows)
+    writer = {"text": to_text, "markdown": to_markdown, "latex": to_latex}[format_name]
+    return writer(study_table(rows))
