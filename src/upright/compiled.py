@@ -73,10 +73,9 @@ class Compiled:
             function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
         )
         self._numba_type_ = types.Dispatcher(self._inner)
-
-    @functools.cached_property
-    def _outer(self) -> Callable[..., Any]:
-        return _jit(self.py_func, no_cfunc_wrapper=True)
+        # Only this one is kept on disk, with all that it calls in it. Numba finds what it kept by
+        # name and types alone, and would take the one compiled for the other purpose.
+        self._outer = _jit(function, cache=True, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
@@ -87,11 +86,13 @@ class Compiled:
 
 
 def _jit(function: Callable[..., Any], **options: bool) -> Any:
-    saved, numba.config.CACHE_DIR = numba.config.CACHE_DIR, CACHE_FOLDER
+    config: Any = numba.config  # Numba's own settings, which other packages in the process share
+    njit: Any = numba.njit
+    saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+        return njit(nogil=True, error_model="numpy", **options)(function)
     finally:
-        numba.config.CACHE_DIR = saved
+        config.CACHE_DIR = saved
 
 
 def compiled(function: F) -> F:

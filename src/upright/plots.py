@@ -22,8 +22,8 @@ Learned = list[tuple[Case, list[Result]]]
 COLOURS = {"reinforce": "#1f6fb4", "q-learning": "#d1701f", "random-search": "#7a7a7a"}
 GRID = 81
 """Points along each side of a policy map."""
-PORTRAIT_STEPS = 3_000
-"""Steps of a phase portrait: one minute."""
+PORTRAIT_STEPS = 1_000
+"""Steps of a phase portrait: 20 seconds."""
 
 
 def save(figure: Figure, path: Path | str) -> None:
@@ -76,7 +76,7 @@ def plot_curves(learned: Learned) -> Figure:
             row[: result.trials] = result.lengths
             row[result.trials :] = case.steps if result.success else np.nan
             axes.plot(
-                np.arange(1, result.trials + 1), result.lengths, color=colour, alpha=0.18, lw=0.8
+                np.arange(1, result.trials + 1), result.lengths, color=colour, alpha=0.3, lw=0.8
             )
         median = np.median(filled, axis=0)
         axes.plot(np.arange(1, longest + 1), median, color="black", lw=2, label="median run")
@@ -178,7 +178,7 @@ def play(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
 
 
 def plot_phases(policy: Policy) -> Figure:
-    """Draw the phase portraits of pole and cart over a minute of balancing."""
+    """Draw the phase portraits of cart and pole over some seconds of balancing."""
     noise, start = policy.task["noise"], policy.task["start"]
     task = make_task(noise, start, PORTRAIT_STEPS, integrator=policy.task["integrator"])
     states = play(policy, task)

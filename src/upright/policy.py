@@ -67,7 +67,7 @@ def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
         "format": FORMAT,
         "version": __version__,
         "agent": policy.agent,
-        "settings": asdict(settings),  # type: ignore[call-overload]
+        "settings": asdict(settings),
         "task": policy.task,
         "observation": ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"],
         "action": "push to the right (+F) with the probability that the policy returns, else left",

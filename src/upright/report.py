@@ -220,7 +220,8 @@ def to_markdown(table: Table) -> str:
     """Return a table in Markdown."""
     lines = [table.head, ["---"] * len(table.head), *table.body]
     written = ["| " + " | ".join(line) + " |" for line in lines]
-    return "\n".join(written) + "\n\n" + "\n".join(f"- {note}" for note in table.notes) + "\n"
+    notes = ["", *(f"- {note}" for note in table.notes)] if table.notes else []
+    return "\n".join([*written, *notes]) + "\n"
 
 
 def to_latex(table: Table) -> str:

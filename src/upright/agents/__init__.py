@@ -4,7 +4,7 @@ import ast
 import inspect
 from dataclasses import fields, replace
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -21,7 +21,7 @@ AGENTS = {
 class Settings(Protocol):
     """The settings of an agent: a frozen dataclass that checks its values and makes the agent."""
 
-    __dataclass_fields__: dict[str, Any]
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def agent(self, rng: np.random.Generator) -> Any:
         """Return a new agent, its memory blank or random."""
@@ -53,7 +53,7 @@ def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
     for name, text in changes.items():
         require_one_of("setting", name, present)
         values[name] = _parse(name, text, present[name])
-    return replace(settings, **values)  # type: ignore[type-var]
+    return replace(settings, **values)
 
 
 def _parse(name: str, text: str, present: object) -> object:

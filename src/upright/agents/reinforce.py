@@ -46,15 +46,15 @@ class Reinforce:
     """γ: how much less a push counts for each step that it lies before the fall."""
     baseline: str = "fitted"
     """What returns are compared with: their "mean", or a regression "fitted" on the inputs."""
-    episodes: int = 10
+    episodes: int = 8
     """How many of the last episodes an update learns from."""
     kept_steps: int = 1000
     """Of a longer episode only so many last steps are learned from."""
     passes: int = 10
     """Steps of Adam in one update."""
-    momentum: float = 0.0
+    momentum: float = 0.5
     """Adam's β1: memory of the gradient."""
-    square_memory: float = 0.999
+    square_memory: float = 0.97
     """Adam's β2: memory of the gradient's squares."""
     decay: float = 0.01
     """Part of every weight that is lost at each step of Adam."""
@@ -62,13 +62,13 @@ class Reinforce:
     """Standard deviation of the first weights, times the root of a unit's number of inputs."""
     gain: float = 3.0
     """Factor from the network's last sum to the log-odds of a push to the right."""
-    x_scale: float = 2.4
+    x_scale: float = 3.6
     """Cart position that counts as one unit of input [m]."""
-    x_dot_scale: float = 1.5
+    x_dot_scale: float = 2.2
     """Cart velocity that counts as one unit of input [m/s]."""
     theta_scale: float = math.radians(6)
     """Pole angle that counts as one unit of input [rad]."""
-    theta_dot_scale: float = 0.5
+    theta_dot_scale: float = 0.35
     """Angular velocity that counts as one unit of input [rad/s]."""
 
     def __post_init__(self) -> None:
@@ -121,7 +121,7 @@ class Reinforce:
                 gradient=gradient,
                 mean=np.zeros(WEIGHTS),
                 mean_square=np.zeros(WEIGHTS),
-                count=np.zeros(1),
+                steps=np.zeros(1),
                 learning_rate=self.learning_rate,
                 momentum=self.momentum,
                 square_memory=self.square_memory,
@@ -199,7 +199,7 @@ class Adam(NamedTuple):
     gradient: np.ndarray
     mean: np.ndarray
     mean_square: np.ndarray
-    count: np.ndarray
+    steps: np.ndarray
     learning_rate: float
     momentum: float
     square_memory: float
@@ -459,9 +459,9 @@ def set_gradient(gradient, network, units, gain, episodes):
 @compiled
 def ascend(adam):
     """Make one step of Adam up the gradient."""
-    adam.count[0] += 1.0
-    mean_part = 1.0 - adam.momentum ** adam.count[0]
-    square_part = 1.0 - adam.square_memory ** adam.count[0]
+    adam.steps[0] += 1.0
+    mean_part = 1.0 - adam.momentum ** adam.steps[0]
+    square_part = 1.0 - adam.square_memory ** adam.steps[0]
     for i in range(WEIGHTS):
         g = adam.gradient[i]
         adam.mean[i] += (1.0 - adam.momentum) * (g - adam.mean[i])

@@ -1,0 +1,41 @@
+# `make reproduce` and `make test` do all the set-up on a fresh machine: Python 3.11 or newer is all
+# they need.
+
+PYTHON ?= python3
+BIN := .venv/bin
+RUNS ?= 20
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: help reproduce test lint benchmark clean
+help:
+	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
+	@echo "make test        all checks: lint, format, types, tests"
+	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/performance.md"
+	@echo "make clean       remove the environment and everything made"
+
+.venv/used: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
+	$(PYTHON) -m venv .venv
+	$(INSTALL) -e .
+	@touch $@
+
+.venv/developed: .venv/used
+	$(INSTALL) -e '.[dev]'
+	@touch $@
+
+reproduce: .venv/used
+	$(BIN)/upright reproduce --runs $(RUNS)
+
+lint: .venv/developed
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/pytest
+
+benchmark: .venv/developed
+	$(BIN)/python benchmarks/speed.py --output docs/performance.md
+
+clean:
+	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis
