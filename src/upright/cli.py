@@ -1,6 +1,7 @@
 """The `upright` command."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
@@ -30,8 +31,18 @@ class Parser(argparse.ArgumentParser):
         self.exit(BAD_USE, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
+def main() -> NoReturn:
+    """Run the command of this process and end with its status."""
+    status = run(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if status == INTERRUPTED:
+        os._exit(status)  # a thread may still be compiling, which nothing can interrupt
+    sys.exit(status)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out a command line and return the exit status."""
     options = _parser().parse_args(arguments)
     try:
         status: int = options.command(options)
@@ -317,17 +328,20 @@ def learn(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
     from upright.errors import require
     from upright.files import check_output
+    from upright.study import check_study
     from upright.watch import watch_run
 
     case = _changed_case(options)
-    require("seed", options.seed, 0, 2**63 - 1)
-    require("run", options.run, 0, 10**6)
-    for path in filter(None, (options.plot, options.save)):
-        check_output(path)
+    require("run", options.run, 0, 999_999)
+    check_study(options.run + 1, options.seed)
+    if options.plot:
+        from upright.plots import check_picture, plot_curve, save
+
+        check_picture(options.plot)
+    if options.save:
+        check_output(options.save)
     memory, result = watch_run(case, options.seed, options.run, quiet=options.quiet)
     if options.plot:
-        from upright.plots import plot_curve, save
-
         title = f"{case.agent}, {case.noise}, seed {options.seed}, run {options.run}"
         save(plot_curve(result.lengths, case.steps, title), options.plot)
         print(f"learning curve: {options.plot}")
@@ -366,16 +380,15 @@ def _changed_case(options: argparse.Namespace) -> "Case":
 
 def table(options: argparse.Namespace) -> int:
     """Carry out `upright table`."""
-    from upright.errors import require, require_one_of
+    from upright.errors import require_one_of
     from upright.files import check_output
     from upright.progress import study_with_progress
     from upright.report import FORMATS, render, summarise_all
     from upright.store import Store
-    from upright.study import make_case
+    from upright.study import check_study, make_case
 
     require_one_of("format", options.format, FORMATS)
-    require("runs", options.runs, 1, 10**6)
-    require("seed", options.seed, 0, 2**63 - 1)
+    check_study(options.runs, options.seed)
     task = {name: getattr(options, name) for name in ("start", "steps", "trials", "integrator")}
     noises = CASES if options.noises == "all" else _split(options.noises)
     cases = [
@@ -441,11 +454,10 @@ def show(options: argparse.Namespace) -> int:
 def plot(options: argparse.Namespace) -> int:
     """Carry out `upright plot`."""
     from upright import plots
-    from upright.files import check_output
     from upright.policy import load_policy
     from upright.study import stored
 
-    output = check_output(options.output or f"{options.what}.png")
+    output = plots.check_picture(options.output or f"{options.what}.png")
     if options.what in ("policy", "phases"):
         policy = load_policy(options.source)
         figure = (

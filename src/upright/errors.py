@@ -31,8 +31,8 @@ def require(
     if fits and value <= high and (not whole or value == int(value)):
         return
     kind = "a whole number" if whole else "a number"
-    lower = f"above {low:g}" if above else f"at least {low:g}"
-    upper = f" and at most {high:g}" if math.isfinite(high) else ""
+    lower = f"above {low:,}" if above else f"at least {low:,}"
+    upper = f" and at most {high:,}" if math.isfinite(high) else ""
     raise UprightError(f"{name} is {value!r}; it must be {kind}, {lower}{upper}")
 
 

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from upright.cartpole import Parameters, State, equations
-from upright.files import write_file
+from upright.errors import require_one_of
+from upright.files import check_output, write_file
 from upright.policy import Policy
 from upright.published import SOURCES
 from upright.study import Case, Result
@@ -20,10 +21,24 @@ Learned = list[tuple[Case, list[Result]]]
 """Cases and the runs that were made of them."""
 
 COLOURS = {"reinforce": "#1f6fb4", "q-learning": "#d1701f", "random-search": "#7a7a7a"}
+FORMATS = (".png", ".pdf", ".svg")
+"""Endings of pictures."""
 GRID = 81
 """Points along each side of a policy map."""
 PORTRAIT_STEPS = 1_000
 """Steps of a phase portrait: 20 seconds."""
+
+
+def check_picture(path: Path | str) -> Path:
+    """Return the path of a picture to be written later, having made sure that it can be.
+
+    Raises
+    ------
+    UprightError
+        If its ending is not one of the FORMATS, or it cannot be written.
+    """
+    require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, FORMATS)
+    return check_output(path)
 
 
 def save(figure: Figure, path: Path | str) -> None:
@@ -32,10 +47,11 @@ def save(figure: Figure, path: Path | str) -> None:
     Raises
     ------
     UprightError
-        If the file cannot be written.
+        As `check_picture`.
     """
+    check_picture(path)
     written = io.BytesIO()
-    figure.savefig(written, format=Path(path).suffix.lstrip(".") or "png", dpi=130)
+    figure.savefig(written, format=Path(path).suffix[1:], dpi=130)
     write_file(path, written.getvalue())
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
-from upright.agents import AGENTS, Settings, named_settings
+from upright.agents import Settings, restore_settings
 from upright.cartpole import State
 from upright.errors import UprightError
 from upright.files import write_file
@@ -90,17 +90,17 @@ def load_policy(path: Path | str) -> Policy:
     UprightError
         If the file is missing, damaged, or not a policy.
     """
+    if not Path(path).is_file():
+        raise UprightError(f"policy is {str(path)!r}; there is no such file")
+    if not zipfile.is_zipfile(path):
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or no file of a policy")
     try:
         with np.load(path, allow_pickle=False) as archive:
             header = json.loads(str(archive["header"]))
-            if header["format"] != FORMAT or header["agent"] not in AGENTS:
+            if header["format"] != FORMAT:
                 raise ValueError("it is of another format")
-            kind = type(named_settings(header["agent"])["default"])
-            values = {
-                name: tuple(value) if isinstance(value, list) else value
-                for name, value in header["settings"].items()
-            }
-            memory = kind(**values).agent(np.random.default_rng(0))
+            settings = restore_settings(header["agent"], header["settings"])
+            memory = settings.agent(np.random.default_rng(0))
             for name, array in _arrays(memory):
                 if archive[name].shape != array.shape:
                     raise ValueError(f"{name} has another shape")

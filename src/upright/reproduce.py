@@ -25,7 +25,7 @@ from upright.report import (
     to_markdown,
 )
 from upright.store import Store
-from upright.study import Case, Result, make_case, make_run
+from upright.study import Case, Result, check_study, make_case, make_run
 
 SHOWN = (
     ("reinforce", "as-published"),
@@ -72,6 +72,7 @@ def reproduce(
         If the folder cannot be used.
     """
     folder = Path(folder)
+    check_study(runs, seed)
     cases = [
         make_case(agent, label, noise=noise, steps=steps)
         for agent, label in SHOWN
@@ -80,7 +81,8 @@ def reproduce(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UprightError(f"output is {str(folder)!r}; {error.strerror}") from None
+        why = f"a folder cannot be made there: {error.strerror}"
+        raise UprightError(f"output is {str(folder)!r}; {why}") from None
     store = Store(folder / "runs.sqlite")
     say(f"{len(SHOWN)} agents and settings × {len(CASES)} noise cases × {runs} runs, seed {seed}")
     study_with_progress(cases, runs, seed, store)

@@ -1,7 +1,6 @@
 """Studies: many runs of many cases, on all cores, written down as they end."""
 
 import json
-import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from upright.agents import AGENTS, Settings, named_settings
+from upright.agents import AGENTS, Settings, named_settings, restore_settings
 from upright.cartpole import equations
 from upright.compiled import sources_hash
 from upright.errors import require, require_one_of
@@ -179,30 +178,33 @@ def study(
     KeyboardInterrupt
         If interrupted; the runs that had ended are in the store.
     """
-    require("runs", runs, 1, 10**6, whole=True)
-    require("seed", seed, 0, 2**63 - 1, whole=True)
-    stop = np.zeros(1, np.bool_) if executor is None else None
-    executor = executor or ThreadPoolExecutor(cpu_count())
+    check_study(runs, seed)
+    stop = np.zeros(1, np.bool_)
+    workers = executor or ThreadPoolExecutor(cpu_count())
     futures: dict[Future[Result | None], Case] = {}
     try:
         for case in cases:
-            done = store.finished(case.key, seed)
-            for run in range(runs):
-                if run not in done:
-                    futures[executor.submit(_job, case, seed, run, stop)] = case
+            for run in sorted(set(range(runs)) - store.finished(case.key, seed)):
+                futures[workers.submit(_job, case, seed, run, stop)] = case
         for future in as_completed(futures):
             result, case = future.result(), futures[future]
             assert result is not None, "only an interrupt stops a run"
             store.add(case.key, seed, result)
             on_result(case, result)
     except BaseException:
-        if stop is not None:
-            stop[0] = True
+        stop[0] = True  # seen by threads; runs elsewhere end by themselves
         for future in futures:
             future.cancel()
         raise
     finally:
-        executor.shutdown(wait=threading.current_thread() is threading.main_thread())
+        if executor is None:
+            workers.shutdown(wait=False)
+
+
+def check_study(runs: int, seed: int) -> None:
+    """Raise UprightError unless a study can have so many runs and this seed."""
+    require("runs", runs, 1, 10**6, whole=True)
+    require("seed", seed, 0, 2**63 - 1, whole=True)
 
 
 def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
@@ -216,14 +218,9 @@ def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
     store = Store(path, must_exist=True)
     found = []
     for values, key, seed in store.cases():
-        named = named_settings(values["agent"])
-        kind = type(named["default"])
-        settings = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in values.pop("settings").items()
-        }
+        settings = restore_settings(values["agent"], values.pop("settings"))
         values.pop("rule")
-        case = Case(settings=kind(**settings), **values)
+        case = Case(settings=settings, **values)
         found.append((case, seed, store.results(key, seed)))
     store.close()
     return found

@@ -30,13 +30,14 @@ def watch_run(case: Case, seed: int, run: int, *, quiet: bool = False) -> tuple[
     """
     lengths, stop = np.zeros(case.trials, np.int64), np.zeros(1, np.bool_)
     shown = 0
-    with ThreadPoolExecutor(1) as executor:
-        future = executor.submit(make_run, case, seed, run, lengths, stop)
-        try:
-            while not wait([future], POLL).done:
-                shown = shown if quiet else _show(case, lengths, shown)
-        finally:
-            stop[0] = True
+    thread = ThreadPoolExecutor(1)
+    future = thread.submit(make_run, case, seed, run, lengths, stop)
+    try:
+        while not wait([future], POLL).done:
+            shown = shown if quiet else _show(case, lengths, shown)
+    finally:
+        stop[0] = True
+        thread.shutdown(wait=False)
     agent, result = future.result()
     assert result is not None, "it was stopped by an interrupt alone"
     if not quiet:

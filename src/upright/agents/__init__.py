@@ -40,6 +40,21 @@ def named_settings(agent: str) -> dict[str, Settings]:
     return settings
 
 
+def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
+    """Return the settings that were written to a file as JSON.
+
+    Raises
+    ------
+    UprightError
+        If they are not this agent's, or not allowed.
+    """
+    default = named_settings(agent)["default"]
+    if values.keys() != {field.name for field in fields(default)}:
+        raise UprightError(f"the settings {', '.join(values)} are not those of {agent}")
+    tuples = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+    return replace(default, **(values | tuples))  # type: ignore[type-var]
+
+
 def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
     """Return settings with some values changed, given as text.
 
@@ -61,13 +76,12 @@ def _parse(name: str, text: str, present: object) -> object:
     if isinstance(present, str):
         return text
     try:
-        value = ast.literal_eval(text)
+        value = float(text) if isinstance(present, float) else ast.literal_eval(text)
     except (ValueError, SyntaxError):
         raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
     if isinstance(present, tuple) and isinstance(value, (int, float)):
         value = (value,)
-    kind = (int, float) if isinstance(present, float) else type(present)
-    if not isinstance(value, kind) or isinstance(value, bool) != isinstance(present, bool):
+    if type(value) is not type(present):
         raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
     return value
 

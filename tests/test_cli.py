@@ -1,0 +1,244 @@
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+
+UPRIGHT = [sys.executable, "-c", "from upright.cli import main; main()"]
+QUICK = ["--steps", "300", "--agents", "random-search"]
+
+
+def files_below(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a file that is no store, to work in."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text").write_text("not a database")
+    with sqlite3.connect(tmp_path / "foreign") as database:
+        database.execute("CREATE TABLE recipes (name)")
+    database.close()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("learn nobody", ["'nobody'", "reinforce", "q-learning", "random-search"]),
+        ("learn reinforce --noise loud", ["'loud'", "none", "gaussian-0.2", "all-10"]),
+        ("learn reinforce --steps 0", ["steps is 0", "at least 1"]),
+        ("learn reinforce --trials -1", ["trials is -1", "at least 1"]),
+        ("learn reinforce --start up", ["'up'", "random", "zero"]),
+        ("learn reinforce --integrator magic", ["'magic'", "euler", "rk4"]),
+        ("learn reinforce --settings mine", ["'mine'", "default", "as-published"]),
+        ("learn reinforce --seed -1", ["seed is -1", "at least 0"]),
+        ("learn reinforce --run -1", ["run is -1", "at least 0"]),
+        ("learn reinforce --set learning_rate=nan", ["learning_rate is nan"]),
+        ("learn reinforce --set learning_rate=inf", ["learning_rate is inf"]),
+        ("learn reinforce --set learning_rate=fast", ["learning_rate is 'fast'"]),
+        ("learn reinforce --set episodes=1.5", ["episodes is '1.5'"]),
+        ("learn reinforce --set tempo=3", ["'tempo'", "learning_rate", "discount"]),
+        ("learn reinforce --set discount", ["'discount'", "NAME=VALUE"]),
+        ("learn q-learning --set learning_rate=2", ["learning_rate is 2", "at most 1"]),
+        ("learn q-learning --set theta_edges=(3,1)", ["theta_edges", "ascend"]),
+        ("learn q-learning --set x_edges=(1,2)", ["x_edges", "alike in ±"]),
+        ("learn random-search --save missing/policy.npz", ["missing/policy.npz", "folder"]),
+        ("learn random-search --plot curve.doc", [".doc", ".png"]),
+        ("table --runs -3", ["runs is -3", "at least 1"]),
+        ("table --runs many", ["'many'"]),
+        ("table --agents reinforce,nobody", ["'nobody'", "reinforce"]),
+        ("table --noises none,loud", ["'loud'", "none"]),
+        ("table --format xml", ["'xml'", "text", "latex"]),
+        ("table --output missing/table.txt", ["missing/table.txt", "folder"]),
+        ("table --output .", ["'.'", "folder"]),
+        ("table --store missing/runs.sqlite", ["missing/runs.sqlite", "folder"]),
+        ("table --store text", ["'text'", "not a database"]),
+        ("table --store foreign", ["'foreign'", "another program"]),
+        ("table --store .", ["'.'"]),
+        ("show absent", ["'absent'", "no such file"]),
+        ("show text", ["'text'", "not a database"]),
+        ("reproduce --output text", ["'text'", "folder"]),
+        ("reproduce --output new --runs 0", ["runs is 0"]),
+        ("reproduce --output new --steps 0", ["steps is 0"]),
+        ("plot policy absent.npz", ["'absent.npz'", "no such file"]),
+        ("plot policy text", ["'text'", "no file of a policy"]),
+        ("plot curves foreign", ["'foreign'", "another program"]),
+        ("plot trials text --output trials.doc", [".doc", ".svg"]),
+        ("plot shapes text", ["'shapes'", "curves"]),
+        ("dance", ["'dance'", "learn"]),
+        ("", ["COMMAND"]),
+    ],
+)
+def test_bad_use_is_one_clear_line_and_changes_nothing(line, said, folder, capsys):
+    before = files_below(folder)
+    try:
+        status = run(line.split())
+    except SystemExit as refusal:  # argparse's own way
+        status = refusal.code
+    error = capsys.readouterr().err
+    assert status == BAD_USE
+    assert error.count("\n") == 1
+    for words in said:
+        assert words in error
+    assert files_below(folder) == before
+
+
+def test_learn_shows_every_trial_and_how_it_ended(capsys):
+    line = "learn random-search --steps 300 --seed 1"
+    assert run(line.split()) == 0
+    shown = capsys.readouterr().out.splitlines()
+    lengths = [int(text.split()[2].replace(",", "")) for text in shown if text.startswith("trial")]
+    assert lengths[-1] == 300
+    assert max(lengths[:-1]) < 300
+    assert shown[-1].startswith(f"balanced at trial {len(lengths)}")
+
+
+def test_learn_that_fails_says_so_by_its_status(capsys):
+    line = "learn random-search --steps 100000 --trials 2 --seed 0 --quiet"
+    assert run(line.split()) == FAILED
+    assert "not balanced within 2 trials" in capsys.readouterr().out
+
+
+def test_learn_saves_curve_and_policy_that_plot_draws(folder, capsys):
+    line = "learn random-search --steps 300 --quiet --plot curve.svg --save policy.npz"
+    assert run(line.split()) == 0
+    assert (folder / "curve.svg").read_text().startswith("<?xml")
+    for what in ("policy", "phases"):
+        assert run(["plot", what, "policy.npz", "--output", f"{what}.png"]) == 0
+        assert (folder / f"{what}.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+
+
+def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
+    store = ["--store", "runs.sqlite"]
+    assert run(["table", *QUICK, "--runs", "3", *store, "--format", "json", "--output", "t"]) == 0
+    rows = json.loads((folder / "t").read_text())
+    wanted = "agent settings noise runs successes mean_trials median_trials p95_trials ci95 steps "
+    wanted += "steps_simulated seconds published"
+    assert set(wanted.split()) <= set(rows[0])
+    assert [row["noise"] for row in rows][:2] == ["none", "actuator-5"]
+    assert {row["runs"] for row in rows} == {3}
+    for name, sign in (("text", "random-search"), ("markdown", "| --- |"), ("latex", r"\midrule")):
+        capsys.readouterr()
+        assert run(["show", "runs.sqlite", "--format", name]) == 0
+        assert sign in capsys.readouterr().out
+
+
+def test_help_of_every_command_teaches_by_example(capsys):
+    for command in ("", "learn", "table", "reproduce", "show", "plot", "agents"):
+        with pytest.raises(SystemExit) as ended:
+            run([*command.split(), "--help"])
+        assert ended.value.code == 0
+        shown = capsys.readouterr().out
+        assert "examples:" in shown
+        assert f"upright {command}" in shown
+
+
+def test_help_needs_no_heavy_library():
+    heavy = {"numba", "scipy", "matplotlib", "rich", "numpy"}
+    program = (
+        "import sys; from upright.cli import run\n"
+        "try: run(['--help'])\n"
+        f"except SystemExit: print({heavy!r} & set(sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert result.stdout.endswith("set()\n")
+
+
+def test_agents_tells_settings_and_their_meaning(capsys):
+    assert run(["agents"]) == 0
+    assert "random-search: Random search" in capsys.readouterr().out
+    assert run(["agents", "q-learning"]) == 0
+    shown = capsys.readouterr().out
+    assert "learning_rate: α" in shown
+    assert "default 0.08, as-published 0.3" in shown
+
+
+def start(folder, *arguments):
+    return subprocess.Popen(
+        [*UPRIGHT, *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"COLUMNS": "80"},
+    )
+
+
+LONG = ["table", "--agents", "random-search,q-learning", "--noises", "none,gaussian-0.2"]
+LONG += ["--runs", "40", "--seed", "5", "--store", "runs.sqlite", "--format", "json"]
+
+
+def runs_kept(path: Path) -> int:
+    if not path.exists():
+        return 0
+    database = sqlite3.connect(path, timeout=60)
+    try:
+        ((count,),) = database.execute("SELECT count(*) FROM runs")
+    except sqlite3.OperationalError:  # the table is still to be made
+        count = 0
+    database.close()
+    return count
+
+
+def wait_for_runs(path: Path, count: int, process) -> None:
+    until = time.monotonic() + 120
+    while runs_kept(path) < count:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def without_times(rows):
+    return [{name: row[name] for name in row if name != "seconds"} for row in rows]
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_stopped_study_keeps_its_runs_and_goes_on(how, tmp_path):
+    whole = start(tmp_path, *[word.replace("runs.sqlite", "whole.sqlite") for word in LONG])
+    expected, _ = whole.communicate(timeout=300)
+    assert whole.returncode == 0
+
+    process = start(tmp_path, *LONG)
+    wait_for_runs(tmp_path / "runs.sqlite", 5, process)
+    process.send_signal(how)
+    _, error = process.communicate(timeout=60)
+    if how == signal.SIGINT:
+        assert process.returncode == INTERRUPTED
+        assert "the same command goes on" in error
+        assert "Traceback" not in error
+    kept = runs_kept(tmp_path / "runs.sqlite")
+    assert 5 <= kept < 160
+
+    again = start(tmp_path, *LONG)
+    shown, _ = again.communicate(timeout=300)
+    assert again.returncode == 0
+    assert without_times(json.loads(shown)) == without_times(json.loads(expected))
+
+
+def test_a_stopped_study_without_a_store_says_that_nothing_was_kept(tmp_path):
+    words = [word for word in LONG if word not in ("--store", "runs.sqlite")]
+    process = start(tmp_path, *words, "--steps", "10000000")
+    time.sleep(3)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert "Traceback" not in error
+
+
+def test_two_processes_share_one_store(tmp_path):
+    processes = [start(tmp_path, *LONG) for _ in range(2)]
+    shown = [process.communicate(timeout=300)[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0]
+    first, second = (without_times(json.loads(text)) for text in shown)
+    assert first == second
+    assert runs_kept(tmp_path / "runs.sqlite") == 160
