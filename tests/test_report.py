@@ -18,7 +18,8 @@ from upright.report import (
     to_text,
     wilson_interval,
 )
-from upright.study import Result, make_case
+from upright.store import Result
+from upright.study import make_case
 
 
 def result(run, trials, success=True, steps=100):

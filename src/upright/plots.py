@@ -13,7 +13,8 @@ from upright.errors import require_one_of
 from upright.files import check_output, write_file
 from upright.policy import Policy
 from upright.published import SOURCES
-from upright.study import Case, Result
+from upright.store import Result
+from upright.study import Case
 from upright.task import Task, make_task
 from upright.trials import trial
 

@@ -6,8 +6,8 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from upright.store import Store
-from upright.study import Case, Result, study
+from upright.store import Result, Store
+from upright.study import Case, study
 
 
 class StudyProgress:

@@ -12,8 +12,8 @@ import numpy as np
 from upright import __version__
 from upright.errors import require_one_of
 from upright.published import SOURCES, figures
-from upright.store import Store
-from upright.study import Case, Result
+from upright.store import Result, Store
+from upright.study import Case
 
 CONFIDENCE = 0.95
 RESAMPLES = 9_999

@@ -24,8 +24,8 @@ from upright.report import (
     to_json,
     to_markdown,
 )
-from upright.store import Store
-from upright.study import Case, Result, check_study, make_case, make_run
+from upright.store import Result, Store
+from upright.study import Case, check_study, make_case, make_run
 
 SHOWN = (
     ("reinforce", "as-published"),

@@ -4,14 +4,11 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from upright.errors import UprightError
-
-if TYPE_CHECKING:
-    from upright.study import Result
 
 APPLICATION_ID = 0x55505254
 """Marks a database as one of ours ("UPRT")."""
@@ -31,6 +28,24 @@ CREATE TABLE IF NOT EXISTS runs (
     PRIMARY KEY (case_id, seed, run)
 ) WITHOUT ROWID;
 """
+
+
+class Result(NamedTuple):
+    """What came of one run."""
+
+    run: int
+    """Number of the run within its study."""
+    success: bool
+    """Whether its last trial lasted N steps."""
+    lengths: np.ndarray
+    """Steps of each trial, in order; every trial is counted."""
+    seconds: float
+    """Wall time."""
+
+    @property
+    def trials(self) -> int:
+        """How many trials were made."""
+        return len(self.lengths)
 
 
 class Store:
@@ -79,7 +94,7 @@ class Store:
         )
         return {run for (run,) in rows}
 
-    def add(self, key: str, seed: int, result: "Result") -> None:
+    def add(self, key: str, seed: int, result: Result) -> None:
         """Write a finished run down; one that is there already stays.
 
         Raises
@@ -101,10 +116,8 @@ class Store:
         except sqlite3.Error as error:
             raise UprightError(f"store is {str(self.path)!r}; writing failed: {error}") from None
 
-    def results(self, key: str, seed: int, runs: int | None = None) -> list["Result"]:
+    def results(self, key: str, seed: int, runs: int | None = None) -> list[Result]:
         """Return the finished runs of a case in order, up to number `runs` if given."""
-        from upright.study import Result
-
         rows = self._database.execute(
             "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
             "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from os import cpu_count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from upright.agents import AGENTS, Settings, named_settings, restore_settings
 from upright.cartpole import equations
 from upright.compiled import sources_hash
 from upright.errors import require, require_one_of
-from upright.store import Store
+from upright.store import Result, Store
 from upright.task import Task, make_task
 from upright.trials import compiled_run
 
@@ -78,24 +78,6 @@ def make_case(agent: str, label: str = "default", **task: Any) -> Case:
     settings = named_settings(agent)
     label = label if label in settings else "default"
     return Case(agent, label, settings[label], **task)
-
-
-class Result(NamedTuple):
-    """What came of one run."""
-
-    run: int
-    """Number of the run within its study."""
-    success: bool
-    """Whether its last trial lasted N steps."""
-    lengths: np.ndarray
-    """Steps of each trial, in order; every trial is counted."""
-    seconds: float
-    """Wall time."""
-
-    @property
-    def trials(self) -> int:
-        """How many trials were made."""
-        return len(self.lengths)
 
 
 def random_numbers(seed: int, run: int) -> np.random.Generator:

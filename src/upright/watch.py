@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from upright.study import Case, Result, make_run
+from upright.store import Result
+from upright.study import Case, make_run
 
 BAR = 40
 """Width of the longest bar [characters]."""

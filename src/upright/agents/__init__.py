@@ -52,7 +52,7 @@ def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
     if values.keys() != {field.name for field in fields(default)}:
         raise UprightError(f"the settings {', '.join(values)} are not those of {agent}")
     tuples = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
-    return replace(default, **(values | tuples))  # type: ignore[type-var]
+    return replace(default, **(values | tuples))
 
 
 def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
