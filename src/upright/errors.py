@@ -26,10 +26,11 @@ def require(
     whole
         Whether it must be a whole number.
     """
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    fits = number and math.isfinite(value) and (low < value if above else low <= value)
-    if fits and value <= high and (not whole or value == int(value)):
-        return
+    kinds = int if whole else (int, float)
+    if isinstance(value, kinds) and not isinstance(value, bool) and value < math.inf:
+        above_low = low < value if above else low <= value
+        if above_low and value <= high:
+            return
     kind = "a whole number" if whole else "a number"
     lower = f"above {low:,}" if above else f"at least {low:,}"
     upper = f" and at most {high:,}" if math.isfinite(high) else ""

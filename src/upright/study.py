@@ -114,12 +114,11 @@ def make_run(
     plant = equations(task.parameters)
     compiled_run(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
     began = time.perf_counter()
-    count = compiled_run(agent, plant, task, rng, lengths, stop)
+    success = compiled_run(agent, plant, task, rng, lengths, stop) > 0
     seconds = time.perf_counter() - began
-    success = count > 0 and bool(lengths[count - 1] == case.steps)
-    if not success and count < case.trials:
-        return agent, None
-    return agent, Result(run, success, lengths[:count].copy(), seconds)
+    made = lengths[lengths > 0]
+    stopped = not success and len(made) < case.trials
+    return agent, None if stopped else Result(run, success, made, seconds)
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:

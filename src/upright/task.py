@@ -48,5 +48,5 @@ def make_task(
     require_one_of("integrator", integrator, integrators)
     require("steps", steps, 1, 10**9, whole=True)
     require("trials", trials, 1, 10**6, whole=True)
-    parameters = check_parameters(Parameters(integrator=integrators[integrator]))
+    parameters = check_parameters(Parameters(integrator=int(integrators[integrator])))
     return Task(parameters, NOISES[noise], STARTS[start], int(steps), int(trials))

@@ -30,7 +30,7 @@ class Plant(Protocol):
         """Release what the plant holds."""
 
 
-def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> int:
+def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> tuple[int, bool]:
     """Let an agent balance once, from a start to a fall or to the step that makes it a success.
 
     Parameters
@@ -46,8 +46,8 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> i
 
     Returns
     -------
-    int
-        How many steps the trial lasted; ``task.steps`` if the pole never fell.
+    tuple
+        How many steps the trial lasted, and whether it ended by a fall.
     """
     state = plant.reset(draw_start(task.start, rng))
     observation = measure(task.noise, state, rng)
@@ -63,7 +63,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> i
         agent.learn(before, action, observation, fallen)
         steps += 1
     agent.end_trial(fallen)
-    return task.steps if not fallen else steps
+    return steps, fallen
 
 
 _compiled_trial = compiled(trial)
@@ -97,15 +97,15 @@ def run(
     Returns
     -------
     int
-        How many trials were made. The run was successful if the last of them was.
+        The number of the trial that succeeded, counted from 1; 0 if none did.
     """
     for number in range(task.trials):
         if stop[0]:
-            return number
-        lengths[number] = trial(agent, plant, task, rng)
-        if lengths[number] == task.steps:
+            break
+        lengths[number], fallen = trial(agent, plant, task, rng)
+        if not fallen:
             return number + 1
-    return task.trials
+    return 0
 
 
 compiled_run = compiled(run)

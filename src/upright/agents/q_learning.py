@@ -84,13 +84,11 @@ class QLearning:
     def agent(self, rng: np.random.Generator) -> "Memory":
         """Return a new agent with a blank table."""
         edges = (self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
-        boxes = math.prod(len(of_one) + 1 for of_one in edges)
+        parts = tuple(len(some) + 1 for some in edges)
         return Memory(
-            table=self.jitter * (rng.random(2 * boxes) - 0.5),
-            x_edges=np.array(self.x_edges),
-            x_dot_edges=np.array(self.x_dot_edges),
-            theta_edges=np.array(self.theta_edges),
-            theta_dot_edges=np.array(self.theta_dot_edges),
+            table=self.jitter * (rng.random(2 * math.prod(parts)) - 0.5),
+            edges=tuple(tuple(map(float, some)) or (math.inf,) for some in edges),
+            parts=parts,
             mirrored=self.mirrored,
             move_entries=np.zeros(self.kept_moves, np.int64),
             move_boxes=np.zeros(self.kept_moves, np.int64),
@@ -126,10 +124,12 @@ class Memory(NamedTuple):
 
     table: np.ndarray
     """Values, at the place that `entry` gives for a box and a push."""
-    x_edges: np.ndarray
-    x_dot_edges: np.ndarray
-    theta_edges: np.ndarray
-    theta_dot_edges: np.ndarray
+    edges: tuple[tuple[float, ...], ...]
+    """Where each of the four measurements is cut. Tuples, not arrays: their lengths are known to
+    the compiler, which then compares all at once.
+    """
+    parts: tuple[int, ...]
+    """Into how many parts each is cut."""
     mirrored: bool
     move_entries: np.ndarray
     """Of each kept move, the place in the table of its box and push; a ring."""
@@ -145,9 +145,7 @@ class Memory(NamedTuple):
     @compiled
     def push_probability(self, observation):
         """Return 1 where the policy pushes to the right, else 0."""
-        box = find_box(self, observation)
-        left, right = self.table[entry(self, box, False)], self.table[entry(self, box, True)]
-        return 1.0 if right > left else 0.0
+        return 1.0 if right_is_better(self, find_box(self, observation)) else 0.0
 
     @compiled
     def begin_trial(self, rng):
@@ -156,7 +154,7 @@ class Memory(NamedTuple):
     @compiled
     def act(self, observation, rng):
         """Push as the better value says."""
-        return self.push_probability(observation) > 0.5
+        return right_is_better(self, find_box(self, observation))
 
     @compiled
     def learn(self, before, action, after, fallen):
@@ -184,19 +182,24 @@ def count_below(edges, value):
     """Return how many edges lie below a value."""
     count = 0
     for edge in edges:
-        count += value > edge
+        count += 1 if value > edge else 0
     return count
 
 
 @compiled
 def find_box(memory, observation):
-    """Return the number of the box that a measurement lies in."""
-    box = count_below(memory.x_edges, observation.x)
-    box = box * (len(memory.x_dot_edges) + 1) + count_below(memory.x_dot_edges, observation.x_dot)
-    box = box * (len(memory.theta_edges) + 1) + count_below(memory.theta_edges, observation.theta)
-    return box * (len(memory.theta_dot_edges) + 1) + count_below(
-        memory.theta_dot_edges, observation.theta_dot
-    )
+    """Return the number of the box that a measurement lies in; on an edge, of the one below."""
+    edges, parts = memory.edges, memory.parts
+    box = count_below(edges[0], observation.x)
+    box = box * parts[1] + count_below(edges[1], observation.x_dot)
+    box = box * parts[2] + count_below(edges[2], observation.theta)
+    return box * parts[3] + count_below(edges[3], observation.theta_dot)
+
+
+@compiled
+def right_is_better(memory, box):
+    """Return whether the table prefers a push to the right; of equals the left one is taken."""
+    return memory.table[entry(memory, box, True)] > memory.table[entry(memory, box, False)]
 
 
 @compiled

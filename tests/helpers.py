@@ -1,0 +1,108 @@
+"""What several tests need: plants and agents in plain Python, and a look into an agent's memory."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from upright.cartpole import Parameters, State, equations
+
+UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
+LYING = State(0.0, 0.0, 1.0, 0.0)
+
+
+class RecordingPlant:
+    """The equations, and a record of what the plant went through."""
+
+    def __init__(self, parameters: Parameters | None = None) -> None:
+        self.inner = equations(parameters)
+        self.starts: list[State] = []
+        self.forces: list[list[float]] = []
+        self.states: list[list[State]] = []
+
+    def reset(self, state: State) -> State:
+        self.starts.append(state)
+        self.forces.append([])
+        self.states.append([])
+        return self.inner.reset(state)
+
+    def step(self, force: float) -> State:
+        after = self.inner.step(force)
+        self.forces[-1].append(force)
+        self.states[-1].append(after)
+        return after
+
+    def close(self) -> None:
+        self.inner.close()
+
+
+class ScriptedPlant:
+    """A plant that falls at given steps of its trials, whatever the force."""
+
+    def __init__(self, *falls: int) -> None:
+        self.falls = iter(falls)
+        self.fall = 0
+        self.steps = 0
+
+    def reset(self, state: State) -> State:
+        self.fall, self.steps = next(self.falls), 0
+        return state
+
+    def step(self, force: float) -> State:
+        self.steps += 1
+        return LYING if self.steps == self.fall else UPRIGHT
+
+    def close(self) -> None: ...
+
+
+class LinearAgent:
+    """A fixed linear policy in plain Python, and a record of what it was told."""
+
+    def __init__(self, *weights: float) -> None:
+        self.weights = weights
+        self.begun = 0
+        self.moves: list[list[tuple[State, bool, State, bool]]] = []
+        self.ends: list[bool] = []
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        self.begun += 1
+        self.moves.append([])
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        return sum(w * o for w, o in zip(self.weights, observation, strict=True)) > 0
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        self.moves[-1].append((before, action, after, fallen))
+
+    def end_trial(self, fallen: bool) -> None:
+        self.ends.append(fallen)
+
+
+GOOD_WEIGHTS = (1.0, 1.5, 20.0, 3.0)
+"""A policy that balances for as long as anybody looks."""
+POOR_WEIGHTS = (0.0, 0.0, 1.0, 0.0)
+"""A policy that falls after a while."""
+
+
+def arrays(memory: Any) -> Iterator[np.ndarray]:
+    """Yield every array in an agent's memory."""
+    for value in memory:
+        if isinstance(value, np.ndarray):
+            yield value
+        elif isinstance(value, tuple):
+            yield from arrays(value)
+
+
+def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )

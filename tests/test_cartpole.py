@@ -1,0 +1,375 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from upright.cartpole import (
+    Integrator,
+    Parameters,
+    State,
+    accelerations,
+    check_parameters,
+    equations,
+    has_fallen,
+    sine_cosine,
+    step,
+    step_many,
+)
+from upright.errors import UprightError
+
+PARAMETERS = Parameters()
+SMOOTH = Parameters(cart_friction=0.0, pole_friction=0.0)
+"""Without friction, whose sign function no integrator resolves to a high order."""
+
+
+def number(low, high):
+    return st.floats(low, high, allow_subnormal=False)
+
+
+states = st.builds(State, number(-3, 3), number(-5, 5), number(-math.pi, math.pi), number(-9, 9))
+forces = number(-20, 20)
+parameters = st.builds(
+    Parameters,
+    gravity=number(0, 30),
+    cart_mass=number(0.05, 20),
+    pole_mass=number(0.01, 10),
+    half_length=number(0.05, 3),
+    cart_friction=number(0, 0.5),
+    pole_friction=number(0, 0.1),
+    time_step=number(0.001, 0.05),
+    integrator=st.sampled_from(Integrator),
+)
+
+
+def minus(state):
+    return State(*(-value for value in state))
+
+
+def textbook_slope(p, state, force):
+    """Return the slope from the Lagrangian: the mass matrix times accelerations, solved."""
+    _, x_dot, theta, theta_dot = state
+    coupling = p.pole_mass * p.half_length * math.cos(theta)
+    mass_matrix = [
+        [p.cart_mass + p.pole_mass, coupling],
+        [coupling, 4 / 3 * p.pole_mass * p.half_length**2],
+    ]
+    generalised_forces = [
+        force
+        + p.pole_mass * p.half_length * theta_dot**2 * math.sin(theta)
+        - p.cart_friction * np.sign(x_dot),
+        p.pole_mass * p.gravity * p.half_length * math.sin(theta) - p.pole_friction * theta_dot,
+    ]
+    x_acceleration, theta_acceleration = np.linalg.solve(mass_matrix, generalised_forces)
+    return [x_dot, x_acceleration, theta_dot, theta_acceleration]
+
+
+def reference(p, state, force, duration):
+    """Return the state after a duration, by SciPy from the textbook's equations."""
+    solution = solve_ivp(
+        lambda _, s: textbook_slope(p, s, force),
+        (0, duration),
+        state,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    return solution.y[:, -1]
+
+
+def simulate(p, state, force, steps):
+    for _ in range(steps):
+        state = step(p, state, force)
+    return state
+
+
+def energy(p, state):
+    """Return kinetic plus potential energy of cart and pole [J]."""
+    moment = p.pole_mass * p.half_length
+    return (
+        0.5 * (p.cart_mass + p.pole_mass) * state.x_dot**2
+        + moment * math.cos(state.theta) * state.x_dot * state.theta_dot
+        + 0.5 * 4 / 3 * moment * p.half_length * state.theta_dot**2
+        + moment * p.gravity * math.cos(state.theta)
+    )
+
+
+# ------------------------------------------------------------------------------ sine and cosine
+
+
+def test_sine_and_cosine_agree_with_the_library():
+    for angle in np.linspace(-10, 10, 10_001).tolist():
+        sine, cosine = sine_cosine(angle)
+        assert abs(sine - math.sin(angle)) <= 2e-15
+        assert abs(cosine - math.cos(angle)) <= 2e-15
+
+
+@given(number(-1e6, 1e6))
+def test_sine_and_cosine_of_large_angles_are_as_good_as_the_angle(angle):
+    error = 2e-15 + np.spacing(abs(angle))
+    assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), rel=0, abs=error)
+
+
+@pytest.mark.parametrize("exponent", range(-300, 1, 20))
+def test_sine_of_small_angles_has_a_small_relative_error(exponent):
+    for angle in (10.0**exponent, 0.7 * 10.0**exponent):
+        assert sine_cosine(angle)[0] == pytest.approx(math.sin(angle), rel=1e-15, abs=0)
+
+
+def test_sine_and_cosine_of_zero_are_exact():
+    assert sine_cosine(0.0) == (0.0, 1.0)
+
+
+# ------------------------------------------------------------------------------ equations
+
+
+@given(parameters, states, forces)
+def test_accelerations_are_those_of_the_lagrangian(p, state, force):
+    _, x_acceleration, _, theta_acceleration = textbook_slope(p, state, force)
+    scale = 1 + abs(x_acceleration) + abs(theta_acceleration)
+    ours = accelerations(p, state, force)
+    assert ours == pytest.approx((x_acceleration, theta_acceleration), abs=1e-10 * scale, rel=0)
+
+
+def test_accelerations_by_hand_at_rest_and_upright():
+    """θ̈ = -(F/M) / (l (4/3 - m/M)) and ẍ = (F - m l θ̈) / M, from the paper's equations."""
+    theta_acceleration = -(10 / 1.1) / (0.5 * (4 / 3 - 0.1 / 1.1))
+    x_acceleration = (10 - 0.05 * theta_acceleration) / 1.1
+    ours = accelerations(PARAMETERS, State(0.0, 0.0, 0.0, 0.0), 10.0)
+    assert ours == pytest.approx((x_acceleration, theta_acceleration), rel=1e-14)
+
+
+@given(parameters, states, forces)
+def test_a_mirrored_cart_pole_moves_as_in_a_mirror(p, state, force):
+    assert step(p, minus(state), -force) == minus(step(p, state, force))
+
+
+@given(parameters, states, forces)
+def test_cart_friction_opposes_motion(p, state, force):
+    p = p._replace(cart_friction=0.5)
+    with_friction = accelerations(p, state, force)[0]
+    without = accelerations(p._replace(cart_friction=0.0), state, force)[0]
+    assert np.sign(with_friction - without) == -np.sign(state.x_dot)
+
+
+@given(parameters, states, forces)
+def test_hinge_friction_opposes_rotation(p, state, force):
+    p = p._replace(pole_friction=1.0)
+    state = state._replace(theta_dot=max(abs(state.theta_dot), 0.1))
+    without = p._replace(pole_friction=0.0)
+    assert accelerations(p, state, force)[1] < accelerations(without, state, force)[1]
+    state = state._replace(theta_dot=-state.theta_dot)
+    assert accelerations(p, state, force)[1] > accelerations(without, state, force)[1]
+
+
+@pytest.mark.parametrize("rest", [0.0, -0.0])
+def test_a_cart_at_rest_feels_no_friction(rest):
+    state = State(0.1, rest, 0.1, 0.2)
+    rough, smooth = (PARAMETERS._replace(cart_friction=friction) for friction in (0.5, 0.0))
+    assert accelerations(rough, state, 3.0) == accelerations(smooth, state, 3.0)
+
+
+# ------------------------------------------------------------------------------ integration
+
+
+@pytest.mark.parametrize(
+    ("start", "force"),
+    [
+        (State(0.0, 0.0, 0.05, 0.0), 0.0),
+        (State(0.5, 1.0, -0.2, 0.5), 10.0),
+        (State(-1.0, 3.0, 2.0, -4.0), -2.0),
+    ],
+)
+def test_runge_kutta_agrees_with_scipy(start, force):
+    p = SMOOTH._replace(time_step=0.002, integrator=Integrator.RK4, pole_friction=0.01)
+    ours = simulate(p, start, force, 250)
+    assert ours == pytest.approx(reference(p, start, force, 0.5), rel=1e-9, abs=1e-9)
+
+
+def test_runge_kutta_agrees_with_scipy_with_friction_on_the_track():
+    """While the cart's velocity keeps its sign, friction is smooth."""
+    p = Parameters(cart_friction=0.3, time_step=0.002, integrator=Integrator.RK4)
+    start = State(0.0, 1.0, 0.1, 0.0)
+    ours = simulate(p, start, 1.0, 250)
+    assert ours == pytest.approx(reference(p, start, 1.0, 0.5), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "order"),
+    [(Integrator.EULER, 1), (Integrator.SEMI_IMPLICIT, 1), (Integrator.RK4, 4)],
+)
+def test_integrators_converge_with_their_order(integrator, order):
+    start = State(0.0, 0.5, 0.3, -1.0)
+    exact = reference(SMOOTH, start, 5.0, 0.4)
+    errors = []
+    for steps in (40, 80):
+        p = SMOOTH._replace(time_step=0.4 / steps, integrator=integrator)
+        errors.append(np.abs(simulate(p, start, 5.0, steps) - exact).max())
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+@given(parameters, states, forces)
+def test_euler_moves_positions_with_the_old_velocities(p, state, force):
+    p = p._replace(integrator=Integrator.EULER)
+    x_acceleration, theta_acceleration = accelerations(p, state, force)
+    assert step(p, state, force) == State(
+        state.x + p.time_step * state.x_dot,
+        state.x_dot + p.time_step * x_acceleration,
+        state.theta + p.time_step * state.theta_dot,
+        state.theta_dot + p.time_step * theta_acceleration,
+    )
+
+
+@given(parameters, states, forces)
+def test_semi_implicit_euler_moves_positions_with_the_new_velocities(p, state, force):
+    after = step(p._replace(integrator=Integrator.SEMI_IMPLICIT), state, force)
+    euler = step(p._replace(integrator=Integrator.EULER), state, force)
+    assert (after.x_dot, after.theta_dot) == (euler.x_dot, euler.theta_dot)
+    assert after.x == state.x + p.time_step * after.x_dot
+    assert after.theta == state.theta + p.time_step * after.theta_dot
+
+
+def test_energy_is_conserved_without_friction_and_force():
+    p = SMOOTH._replace(time_step=0.002, integrator=Integrator.RK4)
+    state = State(0.0, 0.3, 0.5, 0.0)
+    begin, rotation = energy(p, state), []
+    for _ in range(5000):
+        state = step(p, state, 0.0)
+        rotation.append(state.theta_dot)
+        assert energy(p, state) == pytest.approx(begin, abs=1e-9)
+    assert max(rotation) > 3, "the pole must swing for this to mean anything"
+    assert min(rotation) < -3
+
+
+def test_euler_does_not_conserve_energy():
+    """The test above would notice: the energy it computes is no constant by itself."""
+    p = SMOOTH._replace(time_step=0.002)
+    state = State(0.0, 0.3, 0.5, 0.0)
+    assert abs(energy(p, simulate(p, state, 0.0, 5000)) - energy(p, state)) > 1e-3
+
+
+def test_friction_takes_energy_away():
+    p = Parameters(pole_friction=0.01, time_step=0.002, integrator=Integrator.RK4)
+    state = State(0.0, 0.3, 0.5, 0.0)
+    assert energy(p, simulate(p, state, 0.0, 2500)) < energy(p, state) - 0.05
+
+
+@pytest.mark.parametrize("integrator", Integrator)
+@pytest.mark.parametrize("count", [1, 7, 4096])
+def test_many_cart_poles_move_exactly_as_one(integrator, count):
+    rng = np.random.default_rng(count)
+    p = Parameters(integrator=integrator)
+    before = rng.uniform(-2, 2, (4, count))
+    push = rng.uniform(-10, 10, count)
+    after = before.copy()
+    step_many(p, after, push)
+    for i in range(count):
+        assert tuple(after[:, i]) == step(p, State(*before[:, i].tolist()), float(push[i]))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gravity": 3.7},
+        {"cart_mass": 2.0},
+        {"pole_mass": 0.3},
+        {"half_length": 0.7},
+        {"cart_friction": 0.1},
+        {"pole_friction": 0.01},
+        {"time_step": 0.01},
+        {"integrator": Integrator.RK4},
+        {"integrator": Integrator.SEMI_IMPLICIT},
+    ],
+    ids=str,
+)
+def test_a_changed_parameter_changes_the_step(change):
+    """Nothing derived from a parameter is kept from before."""
+    start = State(0.1, 0.2, 0.15, 0.4)
+    usual = step(PARAMETERS, start, 10.0)
+    changed = PARAMETERS._replace(**change)
+    plant = equations(changed)
+    plant.reset(start)
+    assert plant.step(10.0) == step(changed, start, 10.0) != usual
+    plant = equations()._replace(parameters=changed)
+    plant.reset(start)
+    assert plant.step(10.0) != usual
+
+
+def test_the_plant_is_the_equations():
+    plant, state = equations(), State(0.01, 0.02, 0.03, 0.04)
+    assert plant.reset(state) == state
+    for force in (10.0, -10.0, 3.0):
+        state = step(PARAMETERS, state, force)
+        assert plant.step(force) == state
+    assert tuple(plant.memory) == state
+    plant.close()
+
+
+# ------------------------------------------------------------------------------ limits
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("name", "limit"), [("x", PARAMETERS.position_limit), ("theta", PARAMETERS.angle_limit)]
+)
+def test_it_has_fallen_beyond_the_limits_and_not_at_them(name, limit, sign):
+    upright = State(0.0, 99.0, 0.0, -99.0)
+    assert not has_fallen(PARAMETERS, upright)
+    assert not has_fallen(PARAMETERS, upright._replace(**{name: sign * limit}))
+    beyond = float(np.nextafter(limit, 9))
+    assert has_fallen(PARAMETERS, upright._replace(**{name: sign * beyond}))
+
+
+@pytest.mark.parametrize("name", ["x", "theta"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_state_that_is_no_number_has_fallen(name, value):
+    assert has_fallen(PARAMETERS, State(0.0, 0.0, 0.0, 0.0)._replace(**{name: value}))
+
+
+def test_the_limits_are_those_of_the_protocol():
+    assert PARAMETERS.position_limit == 2.4
+    assert math.degrees(PARAMETERS.angle_limit) == pytest.approx(12)
+
+
+# ------------------------------------------------------------------------------ bad parameters
+
+POSITIVE = [
+    "cart_mass",
+    "pole_mass",
+    "half_length",
+    "force",
+    "time_step",
+    "position_limit",
+    "angle_limit",
+]
+NOT_NEGATIVE = ["gravity", "cart_friction", "pole_friction"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, 0.0) for name in POSITIVE]
+    + [
+        (name, value)
+        for name in POSITIVE + NOT_NEGATIVE
+        for value in (-1.0, math.nan, math.inf, "1", None, True)
+    ],
+)
+def test_impossible_parameters_are_refused_by_name(name, value):
+    with pytest.raises(UprightError) as error:
+        check_parameters(PARAMETERS._replace(**{name: value}))
+    assert str(error.value).startswith(f"{name} is {value!r}; it must be a number, ")
+
+
+@pytest.mark.parametrize("value", [3, -1, "rk4", None, 0.5])
+def test_an_unknown_integrator_is_refused_by_name(value):
+    with pytest.raises(UprightError, match=r"integrator is .*EULER.*SEMI_IMPLICIT.*RK4") as error:
+        equations(PARAMETERS._replace(integrator=value))
+    assert repr(value) in str(error.value)
+
+
+@pytest.mark.parametrize("name", NOT_NEGATIVE)
+def test_zero_gravity_and_friction_are_allowed(name):
+    parameters = PARAMETERS._replace(**{name: 0.0})
+    assert check_parameters(parameters) == parameters

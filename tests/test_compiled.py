@@ -1,0 +1,129 @@
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers import LinearAgent, python
+
+from upright import compiled
+from upright.agents import AGENTS, named_settings
+from upright.compiled import PACKAGE, is_compiled, sources_hash
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """Return a copy of the package that may be changed."""
+    return Path(
+        shutil.copytree(
+            PACKAGE, tmp_path / "src" / "upright", ignore=shutil.ignore_patterns("__pycache__")
+        )
+    )
+
+
+def in_copy(package, code, **environment):
+    """Return what a program prints that uses the copy, and fail if it fails."""
+    ended = python(code, PYTHONPATH=str(package.parent), **environment)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+def change(path, old, new):
+    """Change a source file, keeping its size and date: nothing but its content tells."""
+    assert len(old) == len(new)
+    before, text = path.stat(), path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+# ------------------------------------------------------------------------------ digest of sources
+
+
+def test_the_digest_of_sources_changes_with_any_file(copied, monkeypatch):
+    monkeypatch.setattr(compiled, "PACKAGE", copied)
+    seen = [sources_hash()]
+    assert seen[0] == sources_hash()
+    change(copied / "cartpole.py", "gravity: float = 9.8", "gravity: float = 9.7")
+    seen.append(sources_hash())
+    change(copied / "agents" / "random_search.py", "if total > 0.0", "if total < 0.0")
+    seen.append(sources_hash())
+    (copied / "errors.py").rename(copied / "mistakes.py")
+    seen.append(sources_hash())
+    (copied / "new.py").touch()
+    seen.append(sources_hash())
+    assert len(set(seen)) == 5
+
+
+def test_the_digest_of_named_files_ignores_the_others(copied, monkeypatch):
+    monkeypatch.setattr(compiled, "PACKAGE", copied)
+    before = sources_hash("cartpole.py"), sources_hash("noise.py")
+    change(copied / "cartpole.py", "gravity: float = 9.8", "gravity: float = 9.7")
+    after = sources_hash("cartpole.py"), sources_hash("noise.py")
+    assert after[0] != before[0]
+    assert after[1] == before[1]
+
+
+# ------------------------------------------------------------------------------ kernels on disk
+
+RUN = """
+from upright.study import make_case, make_run
+print(make_run(make_case("random-search", steps=500, trials=20), 3, 0)[1].lengths.tolist())
+"""
+STEP = """
+from upright.cartpole import Parameters, State, step
+print(step(Parameters(), State(0.0, 0.1, 0.2, 0.3), 10.0))
+"""
+
+
+def test_a_changed_file_is_compiled_anew(copied, tmp_path):
+    """Even into the kernels of other files, which Numba alone would not notice."""
+    cache = str(tmp_path / "cache")
+    before = in_copy(copied, RUN, NUMBA_CACHE_DIR=cache)
+    assert before == in_copy(copied, RUN, NUMBA_CACHE_DIR=cache)
+    change(copied / "cartpole.py", "p.gravity * sin", "2.0000000 * sin")
+    after = in_copy(copied, RUN, NUMBA_CACHE_DIR=cache)
+    assert after != before
+    assert after == in_copy(copied, RUN, NUMBA_CACHE_DIR=str(tmp_path / "fresh"))
+
+
+def test_functions_can_be_called_from_python_after_compiled_code_called_them(tmp_path):
+    """The two ways to compile a function do not take each other's machine code from the disk."""
+    cache = str(tmp_path)
+    alone = python(STEP, NUMBA_CACHE_DIR=cache)
+    assert alone.stdout.startswith("State(")
+    for program in (RUN + STEP, STEP + RUN, RUN + STEP):
+        ended = python(program, NUMBA_CACHE_DIR=cache)
+        assert ended.returncode == 0, ended.stderr
+        assert alone.stdout in ended.stdout
+
+
+def test_it_works_where_no_usual_folder_can_be_written(tmp_path):
+    wall = tmp_path / "a file, no folder"
+    wall.touch()
+    places = dict.fromkeys(("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "TMPDIR"), str(wall))
+    ended = python(STEP, **places)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("State(")
+    assert wall.read_bytes() == b""
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"])
+def test_kernels_are_kept_in_the_user_s_folder(variable, tmp_path):
+    places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", variable: str(tmp_path)}
+    ended = python("from upright.compiled import CACHE_FOLDER; print(CACHE_FOLDER)", **places)
+    assert Path(ended.stdout.strip()).is_relative_to(tmp_path)
+    assert Path(ended.stdout.strip()).name == f"kernels-{sources_hash()}"
+
+
+# ------------------------------------------------------------------------------ kinds of agents
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_package_s_agents_are_compiled(name):
+    import numpy as np
+
+    assert is_compiled(named_settings(name)["default"].agent(np.random.default_rng(1)))
+
+
+def test_an_agent_in_plain_python_is_not_compiled():
+    assert not is_compiled(LinearAgent())

@@ -1,0 +1,301 @@
+import multiprocessing
+import os
+import sqlite3
+import threading
+
+import numpy as np
+import pytest
+from helpers import python
+
+from upright.errors import UprightError
+from upright.store import Store
+from upright.study import Result, make_case, study
+
+KEY = '{"agent": "any"}'
+
+
+def result(run, *lengths, success=True):
+    return Result(run, success, np.array(lengths, np.int64), 0.5)
+
+
+def rows(store, key=KEY, seed=1):
+    return [(r.run, r.success, r.lengths.tolist(), r.seconds) for r in store.results(key, seed)]
+
+
+@pytest.fixture(params=["file", "memory"])
+def store(request, tmp_path):
+    store = Store(tmp_path / "results.db" if request.param == "file" else None)
+    yield store
+    store.close()
+
+
+def integrity(path):
+    database = sqlite3.connect(path)
+    ((answer,),) = database.execute("PRAGMA integrity_check")
+    database.close()
+    return answer
+
+
+# ------------------------------------------------------------------------------ round trip
+
+
+def test_results_come_back_in_order(store):
+    store.add(KEY, 1, result(2, 7, 60_000))
+    store.add(KEY, 1, result(0, 1, 2, 3, success=False))
+    assert rows(store) == [(0, False, [1, 2, 3], 0.5), (2, True, [7, 60_000], 0.5)]
+    assert store.results(KEY, 1)[0].lengths.dtype == np.int64
+    assert store.finished(KEY, 1) == {0, 2}
+    assert [r.run for r in store.results(KEY, 1, runs=2)] == [0]
+
+
+def test_the_longest_trial_comes_back(store):
+    store.add(KEY, 1, result(0, 10**9))
+    assert rows(store)[0][2] == [10**9]
+
+
+def test_cases_and_seeds_are_kept_apart(store):
+    other = '{"agent": "other"}'
+    store.add(KEY, 1, result(0, 1))
+    store.add(KEY, 2, result(1, 2))
+    store.add(other, 1, result(2, 3))
+    assert store.finished(KEY, 1) == {0}
+    assert store.finished(KEY, 2) == {1}
+    assert store.finished(other, 1) == {2}
+    assert store.finished(other, 2) == set()
+    assert list(store.cases()) == [
+        ({"agent": "any"}, KEY, 1),
+        ({"agent": "any"}, KEY, 2),
+        ({"agent": "other"}, other, 1),
+    ]
+
+
+def test_the_first_result_of_a_run_stays(store):
+    store.add(KEY, 1, result(0, 1))
+    store.add(KEY, 1, result(0, 2))
+    assert rows(store) == [(0, True, [1], 0.5)]
+
+
+def test_the_largest_seed_is_kept(store):
+    store.add(KEY, 2**63 - 1, result(0, 1))
+    assert store.finished(KEY, 2**63 - 1) == {0}
+
+
+def test_a_file_is_found_again(tmp_path):
+    for run in range(3):
+        store = Store(tmp_path / "results.db")
+        assert store.finished(KEY, 1) == set(range(run))
+        store.add(KEY, 1, result(run, 5))
+        store.close()
+    assert os.listdir(tmp_path) == ["results.db"]
+
+
+def test_memory_is_not_shared():
+    first, second = Store(), Store()
+    first.add(KEY, 1, result(0, 1))
+    assert second.finished(KEY, 1) == set()
+    first.close()
+    second.close()
+
+
+# ------------------------------------------------------------------------------ what is no store
+
+
+def foreign_database(path):
+    database = sqlite3.connect(path)
+    database.execute("CREATE TABLE runs (precious TEXT)")
+    database.execute("INSERT INTO runs VALUES ('data')")
+    database.commit()
+    database.close()
+
+
+def text(path):
+    path.write_text("Dear diary, this is no database, and it is longer than a header.\n" * 50)
+
+
+def beheaded_store(path):
+    store = Store(path)
+    store.add(KEY, 1, result(0, 1))
+    store.close()
+    content = bytearray(path.read_bytes())
+    content[100:] = b"\xff" * (len(content) - 100)
+    path.write_bytes(content)
+
+
+def truncated_store(path):
+    store = Store(path)
+    store.add(KEY, 1, result(0, *range(3000)))
+    store.close()
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+
+
+@pytest.mark.parametrize("make", [foreign_database, text, beheaded_store])
+def test_a_file_that_is_no_store_is_refused_and_left_alone(make, tmp_path):
+    path = tmp_path / "precious.db"
+    make(path)
+    content = path.read_bytes()
+    with pytest.raises(UprightError, match=r"precious\.db"):
+        Store(path)
+    assert path.read_bytes() == content
+    assert os.listdir(tmp_path) == ["precious.db"]
+
+
+def damaged_rows(path):
+    """Make a store whose first pages are whole, and whose rows are not."""
+    store = Store(path)
+    for run in range(50):
+        store.add(KEY, 1, result(run, *range(500)))
+    store.close()
+    content = bytearray(path.read_bytes())
+    content[5 * 4096 :] = b"\xff" * (len(content) - 5 * 4096)
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("make", [truncated_store, damaged_rows])
+def test_damage_is_told_when_it_is_met(make, tmp_path):
+    path = tmp_path / "damaged.db"
+    make(path)
+    store = None
+    try:
+        with pytest.raises(UprightError, match=r"damaged\.db"):  # noqa: PT012
+            store = Store(path)
+            store.finished(KEY, 1)
+            store.results(KEY, 1)
+    finally:
+        if store is not None:
+            store.close()
+
+
+def test_a_folder_is_refused(tmp_path):
+    with pytest.raises(UprightError, match=str(tmp_path)):
+        Store(tmp_path)
+
+
+@pytest.mark.parametrize("must_exist", [False, True])
+def test_a_missing_folder_is_refused_and_not_made(must_exist, tmp_path):
+    path = tmp_path / "nowhere" / "results.db"
+    with pytest.raises(UprightError, match="nowhere"):
+        Store(path, must_exist=must_exist)
+    assert not path.parent.exists()
+
+
+def test_a_missing_file_is_refused_if_it_must_exist(tmp_path):
+    with pytest.raises(UprightError, match="there is no such file"):
+        Store(tmp_path / "results.db", must_exist=True)
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_empty_file_becomes_a_store(tmp_path):
+    path = tmp_path / "results.db"
+    path.touch()
+    store = Store(path)
+    store.add(KEY, 1, result(0, 1))
+    store.close()
+    assert integrity(path) == "ok"
+
+
+def test_a_full_disk_is_told_and_loses_nothing(tmp_path):
+    path = tmp_path / "results.db"
+    store = Store(path)
+    store.add(KEY, 1, result(0, 1))
+    ((pages,),) = store._database.execute("PRAGMA page_count")
+    store._database.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(UprightError, match=r"results\.db'; it cannot be used: .*full"):
+        store.add(KEY, 1, result(1, *range(10**5)))
+    assert store.finished(KEY, 1) == {0}
+    store.close()
+    assert integrity(path) == "ok"
+
+
+# ------------------------------------------------------------------------------ several processes
+
+
+def write_rows(path, first, last, barrier):
+    barrier.wait()
+    store = Store(path)
+    for run in range(first, last):
+        store.add(KEY, 1, result(run, run, run + 1))
+    store.close()
+
+
+def test_several_processes_write_to_one_store(tmp_path):
+    """They open a new file at the same moment, and some of their runs are the same."""
+    path, context = tmp_path / "results.db", multiprocessing.get_context("spawn")
+    barrier = context.Barrier(3)
+    spans = [(0, 60), (40, 100), (90, 150)]
+    workers = [
+        context.Process(target=write_rows, args=(path, *span, barrier), daemon=True)
+        for span in spans
+    ]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join(120)
+    assert [worker.exitcode for worker in workers] == [0, 0, 0]
+    store = Store(path)
+    assert rows(store) == [(run, True, [run, run + 1], 0.5) for run in range(150)]
+    store.close()
+    assert integrity(path) == "ok"
+
+
+def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
+    """That process has marked the file as a store, and is not done with it."""
+    path = tmp_path / "results.db"
+    Store(path).close()
+    other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    other.execute("PRAGMA journal_mode = DELETE")
+    other.execute("BEGIN IMMEDIATE")
+    release = threading.Timer(0.3, other.execute, ["COMMIT"])
+    release.start()
+    try:
+        Store(path).close()
+    finally:
+        release.join()
+        other.close()
+
+
+KILLED_STUDY = """
+import os, signal, sys
+from upright.store import Store
+from upright.study import make_case, study
+
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+heard = 0
+def after_a_result(case, result):
+    global heard
+    heard += 1
+    print(result.run, flush=True)
+    if {moment!r} == "between two" and heard == 5:
+        die()
+
+def within_a_write(statement):
+    if {moment!r} == "within one" and heard == 5 and "INTO runs" in statement:
+        die()
+
+store = Store({path!r})
+store._database.set_trace_callback(within_a_write)
+study([make_case("random-search", steps=500)], 30, 7, store, after_a_result)
+"""
+
+
+@pytest.mark.parametrize("moment", ["between two", "within one"])
+def test_a_killed_study_continues_where_it_stopped(moment, tmp_path):
+    path, case = tmp_path / "results.db", make_case("random-search", steps=500)
+    killed = python(KILLED_STUDY.format(path=str(path), moment=moment))
+    assert killed.returncode == -9, killed.stderr
+    finished = {int(line) for line in killed.stdout.split()}
+    assert len(finished) == 5
+    store = Store(path)
+    assert store.finished(case.key, 7) == finished
+    heard = []
+    study([case], 30, 7, store, lambda case, result: heard.append(result.run))
+    assert sorted({*heard} | finished) == list(range(30))
+    assert not {*heard} & finished
+    whole = Store()
+    study([case], 30, 7, whole)
+    assert [r[:3] for r in rows(store, case.key, 7)] == [r[:3] for r in rows(whole, case.key, 7)]
+    store.close()
+    whole.close()
+    assert integrity(path) == "ok"
