@@ -227,7 +227,7 @@ def importances(agent):
 
 def test_the_gradient_is_that_of_the_weighted_log_probabilities():
     """Finite differences of a sum in NumPy, the importance of each step held."""
-    agent, rng = filled_agent(), np.random.default_rng(10)
+    agent, rng = filled_agent(thinning=1), np.random.default_rng(10)
     agent.episodes.advantages[:] = rng.normal(size=(3, KEPT))
     agent.adam.weights[:] += 0.3 * rng.normal(size=176)  # so that the policy is another one now
     steps = [step for episode in remembered(agent) for step in episode]
@@ -243,7 +243,7 @@ def test_the_gradient_is_that_of_the_weighted_log_probabilities():
             total += importance * agent.episodes.advantages[place] * log_probability
         return total / len(steps)
 
-    set_gradient(agent.gradient, agent.network, agent.units, agent.gain, agent.episodes)
+    set_gradient(agent, 0)
     differences = np.zeros(176)
     for i in range(176):
         shift = np.zeros(176)
@@ -252,6 +252,22 @@ def test_the_gradient_is_that_of_the_weighted_log_probabilities():
         differences[i] = (objective(weights + shift) - objective(weights - shift)) / 2e-5
     assert np.abs(differences).max() > 0.05
     assert agent.adam.gradient == pytest.approx(differences, rel=1e-5, abs=1e-8)
+
+
+def test_thinned_gradients_together_make_the_whole_one():
+    parts, counts = [], []
+    for first in range(3):
+        agent = filled_agent(thinning=3)
+        agent.episodes.advantages[:] = np.random.default_rng(12).normal(size=(3, KEPT))
+        set_gradient(agent, first)
+        parts.append(agent.adam.gradient.copy())
+        lengths = np.minimum(agent.episodes.lengths, KEPT)
+        counts.append(sum(len(range(first, length, 3)) for length in lengths))
+    whole = filled_agent(thinning=1)
+    whole.episodes.advantages[:] = np.random.default_rng(12).normal(size=(3, KEPT))
+    set_gradient(whole, 0)
+    assert np.average(parts, 0, counts) == pytest.approx(whole.adam.gradient, rel=1e-9, abs=1e-12)
+    assert not np.allclose(parts[0], parts[1])
 
 
 @pytest.mark.parametrize(
@@ -263,7 +279,7 @@ def test_importance_is_the_ratio_of_probabilities_and_at_most_one(factor, import
         agent = filled_agent()
         agent.episodes.advantages[:] = 1.0
         agent.episodes.probabilities[:] *= each
-        set_gradient(agent.gradient, agent.network, agent.units, agent.gain, agent.episodes)
+        set_gradient(agent, 0)
         gradients.append(agent.adam.gradient.copy())
     assert np.abs(gradients[0]).max() > 1e-3
     assert gradients[1] == pytest.approx(importance * gradients[0], rel=1e-9, abs=1e-15)

@@ -50,8 +50,10 @@ class Reinforce:
     """How many of the last episodes an update learns from."""
     kept_steps: int = 1000
     """Of a longer episode only so many last steps are learned from."""
-    passes: int = 10
+    passes: int = 12
     """Steps of Adam in one update."""
+    thinning: int = 3
+    """A step of Adam looks at every so many-th remembered step, in turn: neighbours are alike."""
     momentum: float = 0.5
     """Adam's β1: memory of the gradient."""
     square_memory: float = 0.97
@@ -76,7 +78,7 @@ class Reinforce:
         require("learning_rate", self.learning_rate, 0, above=True)
         require("discount", self.discount, 0, 1)
         require_one_of("baseline", self.baseline, ("mean", "fitted"))
-        for name in ("episodes", "kept_steps", "passes"):
+        for name in ("episodes", "kept_steps", "passes", "thinning"):
             require(name, getattr(self, name), 1, 10**6, whole=True)
         for name in ("momentum", "square_memory", "decay"):
             require(name, getattr(self, name), 0, 0.999999)
@@ -115,6 +117,7 @@ class Reinforce:
                 coefficients=np.zeros(FEATURES),
             ),
             passes=self.passes,
+            thinning=self.thinning,
             gradient=_network(gradient),
             adam=Adam(
                 weights=weights,
@@ -139,6 +142,7 @@ SETTINGS = {
         episodes=1,
         kept_steps=60_000,
         passes=1,
+        thinning=1,
         momentum=0.9,
         square_memory=0.999,
         decay=0.0,
@@ -219,6 +223,7 @@ class Memory(NamedTuple):
     fits_baseline: bool
     baseline: Baseline
     passes: int
+    thinning: int
     gradient: Network
     adam: Adam
 
@@ -262,8 +267,8 @@ class Memory(NamedTuple):
             if self.fits_baseline:
                 fit_baseline(self.baseline, self.episodes, self.discount)
             set_advantages(self.episodes, self.baseline, self.discount, self.fits_baseline)
-            for _ in range(self.passes):
-                set_gradient(self.gradient, self.network, self.units, self.gain, self.episodes)
+            for number in range(self.passes):
+                set_gradient(self, number % self.thinning)
                 ascend(self.adam)
 
 
@@ -435,16 +440,18 @@ def set_advantages(episodes, baseline, discount, fits_baseline):
 
 
 @compiled
-def set_gradient(gradient, network, units, gain, episodes):
-    """Set the policy gradient: the mean over all remembered steps of A ∇ log π(a | o)."""
+def set_gradient(memory, first):
+    """Set the policy gradient: the mean of A ∇ log π(a | o) over remembered steps, thinned."""
+    gradient, network, units = memory.gradient, memory.network, memory.units
+    episodes, gain, thinning = memory.episodes, memory.gain, memory.thinning
     gradient.layer_1[:] = 0.0
     gradient.layer_2[:] = 0.0
     gradient.layer_3[:] = 0.0
     count = 0
     for episode in range(len(episodes.lengths)):
-        count += steps_kept(episodes, episode)
+        count += len(range(first, steps_kept(episodes, episode), thinning))
     for episode in range(len(episodes.lengths)):
-        for row in range(steps_kept(episodes, episode)):
+        for row in range(first, steps_kept(episodes, episode), thinning):
             for i in range(4):
                 units.inputs[i] = episodes.inputs[episode, row, i]
             right = sigmoid(gain * evaluate(network, units))
