@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from upright.cartpole import Parameters, State, equations, step, step_many
 from upright.compiled import compiled
+from upright.files import write_file
 from upright.study import make_case, make_run, random_numbers
 from upright.task import Task
 from upright.trials import compiled_run
@@ -37,7 +38,9 @@ COMPILERS = {
     "plain": ("gcc", "-O3", "-march=native"),
     "fast": ("gcc", "-O3", "-march=native", "-ffast-math"),
 }
-"""The C programs: one whose every rounding is Python's, and the two that are timed."""
+"""The C programs: one whose every rounding is Python's, the usual one, and the fastest."""
+MARKS = ("<!-- table -->", "<!-- end of table -->")
+"""Between them the table stands in a page."""
 MANY = 4096
 """Cart-poles that are moved at once."""
 EPISODE = 500
@@ -327,8 +330,7 @@ def q_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
         agent = copy.deepcopy(trained.agent)
         assert agent.mirrored, "reference.c knows the default settings"
         assert agent.passes > 0, "reference.c knows the default settings"
-        names = ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges")
-        edges = [np.array(getattr(agent, name), np.float64) for name in names]
+        edges = [np.array(each) for each in agent.edges]
         memory = CQMemory(
             address(agent.table),
             len(agent.table),
@@ -558,8 +560,8 @@ def measure(
     comparison: Comparison, libraries: dict[str, ctypes.CDLL], repetitions: int
 ) -> Measurement:
     """Time both sides in turns."""
-    programs = {name: comparison.c(libraries[name]) for name in ("plain", "fast")}
-    times: dict[str, list[float]] = {"python": [], "plain": [], "fast": []}
+    programs = {name: comparison.c(libraries[name]) for name in ("plain", "checked", "fast")}
+    times: dict[str, list[float]] = {"python": [], "plain": [], "checked": [], "fast": []}
     for _ in range(repetitions):
         times["python"].append(comparison.python(comparison.steps)[0])
         for name, program in programs.items():
@@ -599,13 +601,20 @@ def machine() -> str:
 
 def table(lines: dict[str, Measurement]) -> str:
     """Return the Markdown table."""
-    head = "what | ns per step | in C, `-O3` | ratio | in C, `-O3 -ffast-math` | ratio"
+    head = "what | ns per step | in C [ns] | **ratio** | ratio, same rounding | ratio, fast-math"
     rows = [head.split(" | "), ["---"] + ["---:"] * 5]
     for what, line in lines.items():
-        rows.append([what, f"{line.python:.3g}"])
-        for name in line.c:
-            rows[-1] += [f"{line.c[name]:.3g}", f"{line.ratios[name]:.2f}"]
+        ratios = [f"{line.ratios[name]:.2f}" for name in ("plain", "checked", "fast")]
+        rows.append([what, f"{line.python:.3g}", f"{line.c['plain']:.3g}", *ratios])
     return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+
+
+def write_between_marks(path: Path, text: str) -> None:
+    """Write the table into a page, in place of the one that stands between its two marks."""
+    page = path.read_text(encoding="utf-8")
+    before, _, rest = page.partition(MARKS[0])
+    _, _, after = rest.partition(MARKS[1])
+    write_file(path, f"{before}{MARKS[0]}\n{text}{MARKS[1]}{after}")
 
 
 def main() -> None:
@@ -617,7 +626,7 @@ def main() -> None:
         "--output",
         type=Path,
         metavar="FILE",
-        help="write the Markdown table to this file, e.g. docs/performance-table.md "
+        help="write the table into this page, between its two marks, as in docs/performance.md "
         "(default: to the terminal)",
     )
     parser.add_argument(
@@ -643,7 +652,7 @@ def main() -> None:
         lines[comparison.what] = measure(comparison, libraries, arguments.repetitions)
     text = f"{table(lines)}\n{machine()}; one thread.\n"
     if arguments.output:
-        arguments.output.write_text(text, encoding="utf-8")
+        write_between_marks(arguments.output, text)
     else:
         print(text, end="")
 

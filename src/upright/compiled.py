@@ -90,6 +90,8 @@ def _jit(function: Callable[..., Any], **options: bool) -> Any:
     njit: Any = numba.njit
     saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
     try:
+        known = os.path.isfile(function.__code__.co_filename)  # else there is no place to keep it
+        options["cache"] = options.get("cache", False) and known
         return njit(nogil=True, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = saved
