@@ -1,0 +1,48 @@
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from upright.report import Row, mean_text
+from upright.reproduce import report
+
+ROOT = Path(__file__).parent.parent
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")]
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The recorded study that the documentation quotes."""
+    recorded = json.loads((ROOT / "docs/results/table.json").read_text())
+    for row in recorded:
+        row["success_ci95"] = tuple(row["success_ci95"])
+        row["ci95"] = tuple(row["ci95"]) if row["ci95"] else None
+    return [Row(**row) for row in recorded]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_link_leads_to_a_file(page):
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
+        assert "://" in target or (page.parent / target).exists(), target
+
+
+def test_the_readme_quotes_the_recorded_study(rows):
+    readme = (ROOT / "README.md").read_text()
+    for row in rows:
+        if row.settings == "default":
+            line = re.search(rf"^\| {re.escape(row.noise)} \|.*$", readme, re.MULTILINE)
+            assert line, row.noise
+            assert mean_text(row) in line[0], (row.agent, row.noise)
+
+
+def test_the_recorded_report_is_what_the_program_writes(rows):
+    assert (ROOT / "docs/results/report.md").read_text() == report(rows)
+
+
+def test_the_recorded_study_meets_its_targets(rows):
+    limits = {"reinforce": 10.0, "q-learning": 60.0}
+    for row in rows:
+        if row.settings == "default" and row.agent in limits:
+            assert row.runs == row.successes == 100
+            assert row.mean_trials <= limits[row.agent]
