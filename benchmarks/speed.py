@@ -41,7 +41,7 @@ COMPILERS = {
 """The C programs: one whose every rounding is Python's, the usual one, and the fastest."""
 MARKS = ("<!-- table -->", "<!-- end of table -->")
 """Between them the table stands in a page."""
-MANY = 4096
+MANY = 16_384
 """Cart-poles that are moved at once."""
 EPISODE = 500
 """Steps after which many cart-poles start again, so that none spins ever faster."""
@@ -475,14 +475,14 @@ def comparisons(scale: float) -> Iterator[Comparison]:
         "exactly",
     )
     yield Comparison(
-        f"{MANY} cart-poles at once",
+        f"{MANY:,} cart-poles at once",
         many_in_python(),
         many_plants,
         steps(20_000),
         "exactly",
     )
     yield Comparison(
-        f"{MANY} cart-poles at once; C with libm's sine and cosine",
+        f"{MANY:,} cart-poles at once; C with libm's sine and cosine",
         many_in_python(),
         lambda library: many_in_c(library, "many_libm"),
         steps(5_000),
@@ -510,14 +510,14 @@ def comparisons(scale: float) -> Iterator[Comparison]:
         "exactly",
     )
     yield Comparison(
-        f"without the package: NumPy, {MANY} cart-poles at once",
+        f"without the package: NumPy, {MANY:,} cart-poles at once",
         steps_of_many(lambda states, forces: partial(move_in_numpy, states, forces)),
         many_plants,
         steps(500),
         "nearly",
     )
     yield Comparison(
-        f"without the package: Gymnasium's vector environment, {MANY} cart-poles",
+        f"without the package: Gymnasium's vector environment, {MANY:,} cart-poles",
         gymnasium_many(),
         many_plants,
         steps(500),

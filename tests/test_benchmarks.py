@@ -1,0 +1,22 @@
+import importlib.util
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed: C is not compared")
+@pytest.mark.skipif(not importlib.util.find_spec("gymnasium"), reason="gymnasium is not installed")
+def test_c_reaches_the_same_states_to_the_last_bit():
+    """The script refuses to time two programs that do not compute the same."""
+    command = [sys.executable, BENCHMARKS / "speed.py", "--scale", "0.001", "--repetitions", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    lines = [line for line in result.stdout.splitlines() if line.startswith("| ")]
+    assert len(lines) == 11
+    for name in ("reinforce", "q-learning", "random-search", "Gymnasium", "NumPy"):
+        assert any(name in line for line in lines)
