@@ -4,9 +4,10 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright import __version__
+from upright.agents import AGENTS
 from upright.errors import UprightError
 from upright.published import CASES
 
@@ -19,7 +20,7 @@ FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
 TASK_HELP = f"""\
 noise cases: {", ".join(CASES)}
   (published), all-5, all-10 (all four measurements); "all" means the published seven.
-agents: reinforce, q-learning, random-search; `upright agents` tells more.
+agents: {", ".join(AGENTS)}; `upright agents` tells more.
 """
 
 
@@ -93,43 +94,49 @@ def _command(
     )
 
 
-def _add_task_options(parser: Parser) -> None:
-    parser.add_argument(
-        "--steps",
-        type=int,
-        default=60_000,
-        metavar="N",
-        help="a trial of this many steps of 0.02 s succeeds (default 60000)",
-    )
-    parser.add_argument(
-        "--trials",
-        type=int,
-        default=1_000,
-        metavar="N",
-        help="a run is at most this many trials (default 1000)",
-    )
-    parser.add_argument(
-        "--start",
-        default="random",
-        metavar="NAME",
-        help="random: each of the four within ±0.05 (default); or zero",
-    )
-    parser.add_argument(
-        "--integrator",
-        default="euler",
-        metavar="NAME",
-        help="euler (default, as published), semi-implicit or rk4",
-    )
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        metavar="N",
-        help="the same seed gives the same result (default 0)",
-    )
-    parser.add_argument(
-        "--settings", default="default", metavar="NAME", help="default (tuned) or as-published"
-    )
+def _whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
+    return {
+        "type": int,
+        "default": default,
+        "metavar": metavar,
+        "help": f"{text} (default {default:,})",
+    }
+
+
+SHARED: dict[str, dict[str, Any]] = {
+    "--steps": _whole(60_000, "a trial of this many steps of 0.02 s succeeds"),
+    "--trials": _whole(1_000, "a run is at most this many trials"),
+    "--runs": _whole(20, "independent runs of each case"),
+    "--seed": _whole(0, "the same seed gives the same result"),
+    "--start": {
+        "default": "random",
+        "metavar": "NAME",
+        "help": "random: each of the four within ±0.05 (default); or zero",
+    },
+    "--integrator": {
+        "default": "euler",
+        "metavar": "NAME",
+        "help": "euler (default, as published), semi-implicit or rk4",
+    },
+    "--settings": {
+        "default": "default",
+        "metavar": "NAME",
+        "help": "default (tuned) or as-published",
+    },
+    "--format": {
+        "default": "text",
+        "metavar": "NAME",
+        "help": "text (default), markdown, csv, json or latex",
+    },
+    "--output": {"metavar": "FILE", "help": "write the table there, not on the screen"},
+}
+"""Options that several commands have."""
+TASK = ("--steps", "--trials", "--start", "--integrator", "--seed", "--settings")
+
+
+def _add_shared(parser: Parser, *names: str) -> None:
+    for name in names:
+        parser.add_argument(name, **SHARED[name])
 
 
 def _add_learn(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -148,14 +155,8 @@ examples:
     )
     parser.add_argument("agent", metavar="AGENT", help="who learns")
     parser.add_argument("--noise", default="none", metavar="CASE", help="noise case (default none)")
-    _add_task_options(parser)
-    parser.add_argument(
-        "--run",
-        type=int,
-        default=0,
-        metavar="K",
-        help="number of the run within its study (default 0)",
-    )
+    _add_shared(parser, *TASK)
+    parser.add_argument("--run", **_whole(0, "number of the run within its study", "K"))
     parser.add_argument(
         "--set",
         action="append",
@@ -185,7 +186,7 @@ examples:
     )
     parser.add_argument(
         "--agents",
-        default="reinforce,q-learning,random-search",
+        default=",".join(AGENTS),
         metavar="LIST",
         help="agents, with commas between (default: all)",
     )
@@ -195,31 +196,14 @@ examples:
         metavar="LIST",
         help="noise cases, with commas between (default: all)",
     )
-    parser.add_argument(
-        "--runs",
-        type=int,
-        default=20,
-        metavar="N",
-        help="independent runs of each case (default 20)",
-    )
-    _add_task_options(parser)
+    _add_shared(parser, "--runs", *TASK)
     parser.add_argument(
         "--store",
         metavar="FILE",
         help="keep every finished run there, and take from it what is done",
     )
-    _add_format_options(parser)
+    _add_shared(parser, "--format", "--output")
     parser.set_defaults(command=table)
-
-
-def _add_format_options(parser: Parser) -> None:
-    parser.add_argument(
-        "--format",
-        default="text",
-        metavar="NAME",
-        help="text (default), markdown, csv, json or latex",
-    )
-    parser.add_argument("--output", metavar="FILE", help="write the table there, not on the screen")
 
 
 def _add_reproduce(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -235,27 +219,7 @@ examples:
 Stopped, the same command goes on where it was.
 """,
     )
-    parser.add_argument(
-        "--runs",
-        type=int,
-        default=20,
-        metavar="N",
-        help="independent runs of each case (default 20)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        metavar="N",
-        help="the same seed gives the same result (default 0)",
-    )
-    parser.add_argument(
-        "--steps",
-        type=int,
-        default=60_000,
-        metavar="N",
-        help="a trial of this many steps of 0.02 s succeeds (default 60000)",
-    )
+    _add_shared(parser, "--runs", "--seed", "--steps")
     parser.add_argument(
         "--output",
         default="results",
@@ -277,7 +241,7 @@ examples:
 """,
     )
     parser.add_argument("store", metavar="STORE", help="a file written by table or reproduce")
-    _add_format_options(parser)
+    _add_shared(parser, "--format", "--output")
     parser.set_defaults(command=show)
 
 
@@ -481,7 +445,7 @@ def agents(options: argparse.Namespace) -> int:
     """Carry out `upright agents`."""
     from importlib import import_module
 
-    from upright.agents import AGENTS, describe_settings, named_settings
+    from upright.agents import describe_settings, named_settings
 
     for agent in [options.agent] if options.agent else AGENTS:
         named = named_settings(agent)

@@ -4,11 +4,12 @@ import ast
 import inspect
 from dataclasses import fields, replace
 from importlib import import_module
-from typing import Any, ClassVar, Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from upright.errors import UprightError, require_one_of
+
+if TYPE_CHECKING:
+    import numpy as np
 
 AGENTS = {
     "reinforce": "upright.agents.reinforce",
@@ -23,7 +24,7 @@ class Settings(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
-    def agent(self, rng: np.random.Generator) -> Any:
+    def agent(self, rng: "np.random.Generator") -> Any:
         """Return a new agent, its memory blank or random."""
 
 
