@@ -362,15 +362,16 @@ def table(options: argparse.Namespace) -> int:
     ]
     if options.output:
         check_output(options.output)
-    store = Store(options.store)
-    try:
-        study_with_progress(cases, options.runs, options.seed, store)
-    except KeyboardInterrupt:
-        kept = f"finished runs are kept in {options.store}; the same command goes on from there"
-        lost = "nothing was kept; with --store FILE finished runs would be"
-        print(f"upright: {kept if options.store else lost}", file=sys.stderr)
-        raise
-    _put(render(summarise_all(cases, options.runs, options.seed, store), options.format), options)
+    with Store(options.store) as store:
+        try:
+            study_with_progress(cases, options.runs, options.seed, store)
+        except KeyboardInterrupt:
+            kept = f"finished runs are kept in {options.store}; the same command goes on from there"
+            lost = "nothing was kept; with --store FILE finished runs would be"
+            print(f"upright: {kept if options.store else lost}", file=sys.stderr)
+            raise
+        rows = summarise_all(cases, options.runs, options.seed, store)
+    _put(render(rows, options.format), options)
     return 0
 
 

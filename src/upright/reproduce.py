@@ -83,11 +83,10 @@ def reproduce(
     except OSError as error:
         why = f"a folder cannot be made there: {error.strerror}"
         raise UprightError(f"output is {str(folder)!r}; {why}") from None
-    store = Store(folder / "runs.sqlite")
     say(f"{len(SHOWN)} agents and settings × {len(CASES)} noise cases × {runs} runs, seed {seed}")
-    study_with_progress(cases, runs, seed, store)
-    learned = [(case, store.results(case.key, seed, runs)) for case in cases]
-    store.close()
+    with Store(folder / "runs.sqlite") as store:
+        study_with_progress(cases, runs, seed, store)
+        learned = [(case, store.results(case.key, seed, runs)) for case in cases]
     say("drawing")
     draw(folder, learned, seed)
     rows = [summarise(case, seed, results) for case, results in learned]

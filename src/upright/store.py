@@ -82,6 +82,12 @@ class Store:
             self._database.close()
             raise
 
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     @contextmanager
     def _telling_errors(self) -> Iterator[None]:
         """Turn errors of the database into one line."""

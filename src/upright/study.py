@@ -196,12 +196,11 @@ def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
     UprightError
         If the file is missing or not a store.
     """
-    store = Store(path, must_exist=True)
     found = []
-    for values, key, seed in store.cases():
-        settings = restore_settings(values["agent"], values.pop("settings"))
-        values.pop("rule")
-        case = Case(settings=settings, **values)
-        found.append((case, seed, store.results(key, seed)))
-    store.close()
+    with Store(path, must_exist=True) as store:
+        for values, key, seed in store.cases():
+            settings = restore_settings(values["agent"], values.pop("settings"))
+            values.pop("rule")
+            case = Case(settings=settings, **values)
+            found.append((case, seed, store.results(key, seed)))
     return found
