@@ -3,13 +3,14 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright import __version__
 from upright.agents import AGENTS
 from upright.errors import UprightError
-from upright.published import CASES
+from upright.published import CASES, RUNS, STEPS, TRIALS
 
 if TYPE_CHECKING:
     from upright.study import Case
@@ -104,9 +105,9 @@ def _whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
 
 
 SHARED: dict[str, dict[str, Any]] = {
-    "--steps": _whole(60_000, "a trial of this many steps of 0.02 s succeeds"),
-    "--trials": _whole(1_000, "a run is at most this many trials"),
-    "--runs": _whole(20, "independent runs of each case"),
+    "--steps": _whole(STEPS, "a trial of this many steps of 0.02 s succeeds"),
+    "--trials": _whole(TRIALS, "a run is at most this many trials"),
+    "--runs": _whole(RUNS, "independent runs of each case"),
     "--seed": _whole(0, "the same seed gives the same result"),
     "--start": {
         "default": "random",
@@ -324,15 +325,7 @@ def _changed_case(options: argparse.Namespace) -> "Case":
     from upright.agents import change_settings
     from upright.study import make_case
 
-    case = make_case(
-        options.agent,
-        options.settings,
-        noise=options.noise,
-        start=options.start,
-        steps=options.steps,
-        trials=options.trials,
-        integrator=options.integrator,
-    )
+    case = make_case(options.agent, options.settings, noise=options.noise, **_task(options))
     changes = {}
     for change in options.changes:
         name, sign, value = change.partition("=")
@@ -340,6 +333,10 @@ def _changed_case(options: argparse.Namespace) -> "Case":
             raise UprightError(f"--set is {change!r}; it must be NAME=VALUE")
         changes[name.strip().replace("-", "_")] = value.strip()
     return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+
+
+def _task(options: argparse.Namespace) -> dict[str, Any]:
+    return {name: getattr(options, name) for name in ("start", "steps", "trials", "integrator")}
 
 
 def table(options: argparse.Namespace) -> int:
@@ -353,26 +350,31 @@ def table(options: argparse.Namespace) -> int:
 
     require_one_of("format", options.format, FORMATS)
     check_study(options.runs, options.seed)
-    task = {name: getattr(options, name) for name in ("start", "steps", "trials", "integrator")}
     noises = CASES if options.noises == "all" else _split(options.noises)
     cases = [
-        make_case(agent, options.settings, noise=noise, **task)
+        make_case(agent, options.settings, noise=noise, **_task(options))
         for agent in _split(options.agents)
         for noise in noises
     ]
     if options.output:
         check_output(options.output)
-    with Store(options.store) as store:
-        try:
-            study_with_progress(cases, options.runs, options.seed, store)
-        except KeyboardInterrupt:
-            kept = f"finished runs are kept in {options.store}; the same command goes on from there"
-            lost = "nothing was kept; with --store FILE finished runs would be"
-            print(f"upright: {kept if options.store else lost}", file=sys.stderr)
-            raise
+    with Store(options.store) as store, _telling_what_is_kept(options.store):
+        study_with_progress(cases, options.runs, options.seed, store)
         rows = summarise_all(cases, options.runs, options.seed, store)
     _put(render(rows, options.format), options)
     return 0
+
+
+@contextmanager
+def _telling_what_is_kept(place: str | None) -> Iterator[None]:
+    """Say, when interrupted, where the finished runs are."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = f"finished runs are kept in {place}; the same command goes on from there"
+        lost = "nothing was kept; with --store FILE finished runs would be"
+        print(f"upright: {kept if place else lost}", file=sys.stderr)
+        raise
 
 
 def _split(names: str) -> list[str]:
@@ -392,12 +394,8 @@ def reproduce(options: argparse.Namespace) -> int:
     """Carry out `upright reproduce`."""
     from upright.reproduce import reproduce
 
-    try:
+    with _telling_what_is_kept(options.output):
         report = reproduce(options.output, options.runs, options.seed, options.steps)
-    except KeyboardInterrupt:
-        kept = f"finished runs are kept in {options.output}; the same command goes on from there"
-        print(f"upright: {kept}", file=sys.stderr)
-        raise
     print(f"report: {report}")
     return 0
 
@@ -423,20 +421,17 @@ def plot(options: argparse.Namespace) -> int:
     from upright.study import stored
 
     output = plots.check_picture(options.output or f"{options.what}.png")
-    if options.what in ("policy", "phases"):
-        policy = load_policy(options.source)
-        figure = (
-            plots.plot_policies([policy]) if options.what == "policy" else plots.plot_phases(policy)
-        )
+    if options.what == "policy":
+        figure = plots.plot_policies([load_policy(options.source)])
+    elif options.what == "phases":
+        figure = plots.plot_phases(load_policy(options.source))
     else:
-        learned = [(case, results) for case, _, results in stored(options.source)]
-        if options.what == "curves":
-            learned = [(case, results) for case, results in learned if case.noise == "none"]
+        curves = options.what == "curves"
+        found = stored(options.source)
+        learned = [(case, runs) for case, _, runs in found if case.noise == "none" or not curves]
         if not learned:
             raise UprightError(f"store is {options.source!r}; it holds no runs to draw")
-        figure = (
-            plots.plot_curves(learned) if options.what == "curves" else plots.plot_trials(learned)
-        )
+        figure = plots.plot_curves(learned) if curves else plots.plot_trials(learned)
     plots.save(figure, output)
     print(f"picture: {output}")
     return 0

@@ -12,7 +12,7 @@ from upright.cartpole import Parameters, State, equations
 from upright.errors import require_one_of
 from upright.files import check_output, write_file
 from upright.policy import Policy
-from upright.published import SOURCES
+from upright.published import REPORT, SI_AND_WANG, figures
 from upright.store import Result
 from upright.study import Case
 from upright.task import Task, make_task
@@ -22,6 +22,8 @@ Learned = list[tuple[Case, list[Result]]]
 """Cases and the runs that were made of them."""
 
 COLOURS = {"reinforce": "#1f6fb4", "q-learning": "#d1701f", "random-search": "#7a7a7a"}
+PUBLISHED_STYLES = {REPORT: ":", SI_AND_WANG: "-."}
+"""Published means that are drawn, and how."""
 FORMATS = (".png", ".pdf", ".svg")
 """Endings of pictures."""
 GRID = 81
@@ -116,10 +118,9 @@ def plot_trials(learned: Learned) -> Figure:
         for case, results in learned:
             if case.noise == noise:
                 _plot_distribution(axes, case, results)
-        for source, style in zip(SOURCES, (":", None, "-."), strict=False):
-            if style and noise in source.mean_trials:
-                mean = source.mean_trials[noise]
-                label = f"{source.name} (mean)"
+        for source, mean in figures("reinforce", noise).items():
+            if source in PUBLISHED_STYLES:
+                style, label = PUBLISHED_STYLES[source], f"{source} (mean)"
                 axes.axvline(mean, color="#b02a5b", linestyle=style, lw=1.2, label=label)
         axes.set(title=noise, xscale="log", ylim=(0, 1.03))
         _style(axes)

@@ -1,7 +1,6 @@
 """Showing how far a study is."""
 
 from collections.abc import Iterable
-from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -10,50 +9,27 @@ from upright.store import Result, Store
 from upright.study import Case, study
 
 
-class StudyProgress:
-    """A bar on the standard error stream with the rate and the time left."""
-
-    def __init__(self, total: int) -> None:
-        self._steps = 0
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("runs"),
-            TextColumn("{task.fields[rate]}"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self._task = self._bar.add_task("compiling", total=total, rate="")
-
-    def __enter__(self) -> "StudyProgress":
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
-
-    def __call__(self, case: Case, result: Result) -> None:
-        """Count a run that ended."""
-        self._steps += int(result.lengths.sum())
-        elapsed = self._bar.tasks[0].elapsed or 1e-9
-        self._bar.update(
-            self._task,
-            advance=1,
-            description=f"{case.agent}, {case.noise}",
-            rate=f"{self._steps / elapsed / 1e6:.1f} M steps/s",
-        )
-
-
 def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Store) -> None:
-    """Make a study, as `study.study`, and show how far it is."""
+    """Make a study, as `study.study`, with a bar that shows its rate and the time left."""
     cases = list(cases)
-    done = sum(len(store.results(case.key, seed, runs)) for case in cases)
-    with StudyProgress(runs * len(cases) - done) as progress:
-        study(cases, runs, seed, store, progress)
+    done = sum(run < runs for case in cases for run in store.finished(case.key, seed))
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("runs"),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("compiling", total=runs * len(cases) - done, rate="")
+        steps = 0
+
+        def show(case: Case, result: Result) -> None:
+            nonlocal steps
+            steps += int(result.lengths.sum())
+            rate = steps / (bar.tasks[0].elapsed or 1e-9) / 1e6
+            described = f"{case.agent}, {case.noise}"
+            bar.update(task, advance=1, description=described, rate=f"{rate:.1f} M steps/s")
+
+        study(cases, runs, seed, store, show)

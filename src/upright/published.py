@@ -14,6 +14,12 @@ CASES = (
 """The seven published noise cases, in the order of the tables."""
 
 
+STEPS, TRIALS, RUNS = 60_000, 1_000, 20
+"""The report's protocol, the default everywhere: steps of a success, trials of a run, runs."""
+REPORT, SI_AND_WANG = "Report", "Si & Wang 2001"
+"""Names of the sources that tables and pictures single out."""
+
+
 class Source(NamedTuple):
     """One published table."""
 
@@ -33,7 +39,7 @@ class Source(NamedTuple):
 
 SOURCES = (
     Source(
-        "Report",
+        REPORT,
         "Balancing an Inverted Pendulum using Reinforcement Learning (course report), Table I: "
         "REINFORCE, learning rate 0.1, discount 0.97",
         "reinforce",
@@ -42,7 +48,7 @@ SOURCES = (
         dict(zip(CASES, (35.65, 34.6, 49.6, 32.5, 44.1, 40.6, 106.9), strict=True)),
     ),
     Source(
-        "Report",
+        REPORT,
         "Balancing an Inverted Pendulum using Reinforcement Learning (course report), Table II: "
         "tabular Q-learning, learning rate 0.3, discount 0.9; another session, in its figure 5, "
         "averaged 209",
@@ -52,7 +58,7 @@ SOURCES = (
         {"none": 42.0},
     ),
     Source(
-        "Si & Wang 2001",
+        SI_AND_WANG,
         "J. Si, Y.-T. Wang, On-line learning control by association and reinforcement, IEEE Trans. "
         "Neural Networks 12(2), 2001: direct neural dynamic programming; as quoted by He et al. "
         "2012, Table 2",

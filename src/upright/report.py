@@ -140,7 +140,7 @@ def number(value: float | None, digits: int = 1) -> str:
 
 
 def mean_text(row: Row) -> str:
-    """Return mean trials with their interval, and how many runs they leave out."""
+    """Return mean trials with their interval."""
     if row.mean_trials is None or row.ci95 is None:
         return "–"
     return f"{row.mean_trials:.1f} [{row.ci95[0]:.1f}, {row.ci95[1]:.1f}]"
@@ -174,6 +174,7 @@ def study_table(rows: Sequence[Row]) -> Table:
 
 
 def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
+    agents = {row.agent for row in rows}
     made = sorted({(row.runs, row.steps, row.start, row.seed) for row in rows})
     notes = [
         f"{runs} runs a case, N = {steps:,} steps, start {start}, seed {seed}, "
@@ -187,13 +188,9 @@ def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
     notes += [
         f"{source.name}: {source.citation} ({source.runs} runs, N = {source.steps:,})."
         for source in SOURCES
-        if source.name in sources and (source.agent is None or source.agent in _agents(rows))
+        if source.name in sources and (source.agent is None or source.agent in agents)
     ]
     return notes
-
-
-def _agents(rows: Sequence[Row]) -> set[str]:
-    return {row.agent for row in rows}
 
 
 def to_text(table: Table) -> str:

@@ -8,11 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from upright import __version__
+from upright.cartpole import Parameters
 from upright.errors import UprightError
 from upright.files import write_file
 from upright.policy import Policy, learned_policy, save_policy
 from upright.progress import study_with_progress
-from upright.published import CASES
+from upright.published import CASES, REPORT, RUNS, SI_AND_WANG, STEPS, TRIALS
 from upright.report import (
     Row,
     Table,
@@ -35,15 +36,13 @@ SHOWN = (
     ("random-search", "default"),
 )
 """Agents and settings of the tables."""
-SI_AND_WANG = "Si & Wang 2001"
-"""The source that stands beside the report's figures."""
 
 
 def reproduce(
     folder: Path | str,
-    runs: int = 20,
+    runs: int = RUNS,
     seed: int = 0,
-    steps: int = 60_000,
+    steps: int = STEPS,
     say: Callable[[str], None] = print,
 ) -> Path:
     """Make the studies that are missing in the folder, and the report of them all.
@@ -129,7 +128,7 @@ def comparison(rows: list[Row], agent: str, title: str) -> str:
         published = found[agent, "as-published", noise]
         default = found[agent, "default", noise]
         guess = found["random-search", "default", noise]
-        line = [noise, number(default.published.get("Report"), 2)]
+        line = [noise, number(default.published.get(REPORT), 2)]
         line += [success_text(published), mean_text(published)]
         line += [success_text(default), f"**{mean_text(default)}**", mean_text(guess)]
         body.append([*line, number(default.published.get(SI_AND_WANG), 0)])
@@ -140,11 +139,14 @@ def report(rows: list[Row]) -> str:
     """Return the report in Markdown."""
     row = rows[0]
     total = sum(row.steps_simulated for row in rows)
+    step = Parameters().time_step
+    protocol = f"{row.runs} runs a case, N = {row.steps:,} steps of {step} s"
+    protocol += f", at most {TRIALS:,} trials a run"
     return f"""# The report's tables, again
 
-{row.runs} runs a case, N = {row.steps:,} steps of 0.02 s, at most 1,000 trials a run, every trial
+{protocol}, every trial
 counted; seed {row.seed}, upright {__version__}. {total / 1e6:,.0f} million steps were simulated,
-{total * 0.02 / 86400:,.0f} days of balancing and falling. In brackets stand 95 % intervals. Mean
+{total * step / 86400:,.0f} days of balancing and falling. In brackets stand 95 % intervals. Mean
 trials are over the successful runs: where the success rate is low, they flatter.
 
 {comparison(rows, "reinforce", "Table I: REINFORCE")}

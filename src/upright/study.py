@@ -16,6 +16,7 @@ from upright.agents import AGENTS, Settings, named_settings, restore_settings
 from upright.cartpole import equations
 from upright.compiled import sources_hash
 from upright.errors import require, require_one_of
+from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import Task, make_task
 from upright.trials import compiled_run
@@ -35,9 +36,9 @@ class Case:
     """Name of the noise case."""
     start: str = "random"
     """Name of the start."""
-    steps: int = 60_000
+    steps: int = STEPS
     """N: a trial of this many steps is a success."""
-    trials: int = 1_000
+    trials: int = TRIALS
     """A run is at most this many trials."""
     integrator: str = "euler"
     """Name of the integrator."""
@@ -62,7 +63,7 @@ class Case:
 def rule_version(agent: str) -> str:
     """Return a digest of the code that determines what a run of this agent does."""
     module = AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py"
-    return sources_hash("cartpole.py", "noise.py", "task.py", "trials.py", module)
+    return sources_hash("cartpole.py", "noise.py", "task.py", "trials.py", "study.py", module)
 
 
 def make_case(agent: str, label: str = "default", **task: Any) -> Case:

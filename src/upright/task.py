@@ -5,6 +5,7 @@ from typing import NamedTuple
 from upright.cartpole import Integrator, Parameters, State, check_parameters
 from upright.errors import require, require_one_of
 from upright.noise import NOISES, Noise
+from upright.published import STEPS, TRIALS
 
 STARTS = {
     "random": State(0.05, 0.05, 0.05, 0.05),
@@ -22,17 +23,17 @@ class Task(NamedTuple):
     """What disturbs the force and the measurement."""
     start: State = STARTS["random"]
     """Half-widths of the start state."""
-    steps: int = 60_000
+    steps: int = STEPS
     """N: a trial that lasts this many steps without a fall succeeds."""
-    trials: int = 1_000
+    trials: int = TRIALS
     """A run is at most this many consecutive trials."""
 
 
 def make_task(
     noise: str = "none",
     start: str = "random",
-    steps: int = 60_000,
-    trials: int = 1_000,
+    steps: int = STEPS,
+    trials: int = TRIALS,
     integrator: str = "euler",
 ) -> Task:
     """Return the task with these named parts.
@@ -48,5 +49,5 @@ def make_task(
     require_one_of("integrator", integrator, integrators)
     require("steps", steps, 1, 10**9, whole=True)
     require("trials", trials, 1, 10**6, whole=True)
-    parameters = check_parameters(Parameters(integrator=int(integrators[integrator])))
-    return Task(parameters, NOISES[noise], STARTS[start], int(steps), int(trials))
+    parameters = check_parameters(Parameters(integrator=integrators[integrator]))
+    return Task(parameters, NOISES[noise], STARTS[start], steps, trials)
