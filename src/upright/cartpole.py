@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.compiled import compiled
+from upright.compiled import compiled, inlined
 from upright.errors import UprightError, require
 
 
@@ -239,7 +239,7 @@ def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) ->
         _any_loop(parameters, states, forces)
 
 
-@compiled
+@inlined
 def has_fallen(parameters: Parameters, state: State) -> bool:
     """Whether the pole or the cart left its limits; a place that is no number has left them."""
     return not (

@@ -22,6 +22,8 @@ TASK_HELP = f"""\
 noise cases: {", ".join(CASES)}
   (published), all-5, all-10 (all four measurements); "all" means the published seven.
 agents: {", ".join(AGENTS)}; `upright agents` tells more.
+  Your own: module:name, a class or function that, given a run's random numbers, returns an agent
+  with the methods begin_trial, act, learn and end_trial (see examples/).
 """
 
 
@@ -78,7 +80,16 @@ examples:
     )
     parser.add_argument("--version", action="version", version=f"upright {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for add in (_add_learn, _add_table, _add_reproduce, _add_show, _add_plot, _add_agents):
+    for add in (
+        _add_learn,
+        _add_table,
+        _add_reproduce,
+        _add_leaderboard,
+        _add_robust,
+        _add_show,
+        _add_plot,
+        _add_agents,
+    ):
         add(commands)
     return parser
 
@@ -107,17 +118,27 @@ def _whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
 SHARED: dict[str, dict[str, Any]] = {
     "--steps": _whole(STEPS, "a trial of this many steps of 0.02 s succeeds"),
     "--trials": _whole(TRIALS, "a run is at most this many trials"),
+    "--agents": {
+        "default": ",".join(AGENTS),
+        "metavar": "LIST",
+        "help": "agents, with commas between (default: all)",
+    },
     "--runs": _whole(RUNS, "independent runs of each case"),
     "--seed": _whole(0, "the same seed gives the same result"),
     "--start": {
         "default": "random",
         "metavar": "NAME",
-        "help": "random: each of the four within ±0.05 (default); or zero",
+        "help": "random: each of the four within ±0.05 (default); zero; or wide: angles to 6°",
     },
     "--integrator": {
         "default": "euler",
         "metavar": "NAME",
         "help": "euler (default, as published), semi-implicit or rk4",
+    },
+    "--condition": {
+        "default": "nominal",
+        "metavar": "NAME",
+        "help": "nominal (default), varied-plant, friction-100, delay-1, delay-2 or no-velocities",
     },
     "--settings": {
         "default": "default",
@@ -132,7 +153,7 @@ SHARED: dict[str, dict[str, Any]] = {
     "--output": {"metavar": "FILE", "help": "write the table there, not on the screen"},
 }
 """Options that several commands have."""
-TASK = ("--steps", "--trials", "--start", "--integrator", "--seed", "--settings")
+TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
 
 
 def _add_shared(parser: Parser, *names: str) -> None:
@@ -182,15 +203,11 @@ examples:
   upright table --agents reinforce,q-learning,random-search --noises all --runs 100
   upright table --agents reinforce --noises none,gaussian-0.2 --settings as-published
   upright table --runs 100 --steps 600000 --store runs.sqlite   (stopped? the same goes on)
+  upright table --agents my_module:MyAgent,random-search --noises none --runs 20
   upright table --format json --output table.json
 {TASK_HELP}""",
     )
-    parser.add_argument(
-        "--agents",
-        default=",".join(AGENTS),
-        metavar="LIST",
-        help="agents, with commas between (default: all)",
-    )
+    _add_shared(parser, "--agents")
     parser.add_argument(
         "--noises",
         default="all",
@@ -228,6 +245,59 @@ Stopped, the same command goes on where it was.
         help="where everything is written (default results)",
     )
     parser.set_defaults(command=reproduce)
+
+
+def _add_leaderboard(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "leaderboard",
+        "rank all agents on the published cases, from both starts",
+        """\
+examples:
+  upright leaderboard                    100 runs a case, N = 600,000, into docs/leaderboard.md
+  upright leaderboard --agents adaptive-lqr,my_module:MyAgent,random-search --runs 20
+Stopped, the same command goes on where it was.
+""",
+    )
+    _add_board_options(parser, "leaderboard", 600_000)
+
+
+def _add_robust(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "robust",
+        "rank all agents on tasks beyond the published ones",
+        """\
+The plant varies from run to run, pushes are delayed, velocities are not measured, the pole leans at
+the start, friction is a hundredfold: what breaks which agent?
+
+examples:
+  upright robust                         100 runs a task, N = 60,000, into docs/robust.md
+  upright robust --agents adaptive-lqr,my_module:MyAgent,random-search --runs 20
+Stopped, the same command goes on where it was.
+""",
+    )
+    _add_board_options(parser, "robust", STEPS)
+
+
+def _add_board_options(parser: Parser, name: str, steps: int) -> None:
+    _add_shared(parser, "--agents")
+    parser.add_argument("--runs", **_whole(100, "independent runs of each case"))
+    parser.add_argument("--steps", **_whole(steps, "a trial of this many steps of 0.02 s succeeds"))
+    _add_shared(parser, "--seed")
+    parser.add_argument(
+        "--output",
+        default=f"docs/{name}.md",
+        metavar="FILE",
+        help="the board, in Markdown; its figures go beside it as JSON (default %(default)s)",
+    )
+    parser.add_argument(
+        "--store",
+        default=f"results/{name}.sqlite",
+        metavar="FILE",
+        help="where finished runs are kept (default %(default)s)",
+    )
+    parser.set_defaults(command=board, board=name)
 
 
 def _add_show(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -336,7 +406,8 @@ def _changed_case(options: argparse.Namespace) -> "Case":
 
 
 def _task(options: argparse.Namespace) -> dict[str, Any]:
-    return {name: getattr(options, name) for name in ("start", "steps", "trials", "integrator")}
+    names = ("start", "steps", "trials", "integrator", "condition")
+    return {name: getattr(options, name) for name in names}
 
 
 def table(options: argparse.Namespace) -> int:
@@ -397,6 +468,20 @@ def reproduce(options: argparse.Namespace) -> int:
     with _telling_what_is_kept(options.output):
         report = reproduce(options.output, options.runs, options.seed, options.steps)
     print(f"report: {report}")
+    return 0
+
+
+def board(options: argparse.Namespace) -> int:
+    """Carry out `upright leaderboard` and `upright robust`."""
+    from upright import boards
+    from upright.study import check_study
+
+    check_study(options.runs, options.seed)
+    agents = _split(options.agents)
+    study = boards.Study(agents, options.runs, options.seed, options.steps, options.store)
+    with _telling_what_is_kept(options.store):
+        getattr(boards, options.board)(options.output, study)
+    print(f"board: {options.output}")
     return 0
 
 

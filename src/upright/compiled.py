@@ -64,9 +64,21 @@ class Compiled:
     For other compiled code: inlined, and without counting references to its arguments, which would
     cost more in the loop than a step of the plant. Such a function must not allocate memory. For
     Python: with what it takes to be called from there.
+
+    Parameters
+    ----------
+    function
+        What is compiled.
+    kept
+        Whether machine code for Python is kept on disk. That of a function from outside the package
+        never is: the folder it would lie in is named after the package's sources alone.
+    small
+        Whether Python runs the function as it stands instead.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(
+        self, function: Callable[..., Any], *, kept: bool = True, small: bool = False
+    ) -> None:
         functools.update_wrapper(self, function)
         self.py_func = function
         self._inner = _jit(
@@ -75,7 +87,7 @@ class Compiled:
         self._numba_type_ = types.Dispatcher(self._inner)
         # Only this one is kept on disk, with all that it calls in it. Numba finds what it kept by
         # name and types alone, and would take the one compiled for the other purpose.
-        self._outer = _jit(function, cache=True, no_cfunc_wrapper=True)
+        self._outer = function if small else _jit(function, cache=kept, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
@@ -90,8 +102,8 @@ def _jit(function: Callable[..., Any], **options: bool) -> Any:
     njit: Any = numba.njit
     saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
     try:
-        known = os.path.isfile(function.__code__.co_filename)  # else there is no place to keep it
-        options["cache"] = options.get("cache", False) and known
+        ours = PACKAGE in Path(function.__code__.co_filename).parents
+        options["cache"] = options.get("cache", False) and ours
         return njit(nogil=True, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = saved
@@ -100,6 +112,14 @@ def _jit(function: Callable[..., Any], **options: bool) -> Any:
 def compiled(function: F) -> F:
     """Compile a function, or a method of a NamedTuple."""
     return cast(F, Compiled(function))
+
+
+def inlined(function: F) -> F:
+    """Compile a function for other compiled code only; Python runs it as it stands.
+
+    For a function so small that the way from Python into compiled code would cost more than it.
+    """
+    return cast(F, Compiled(function, small=True))
 
 
 def is_compiled(thing: object) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.cartpole import State
-from upright.compiled import compiled
+from upright.compiled import inlined
 
 
 class Noise(NamedTuple):
@@ -25,6 +25,8 @@ class Noise(NamedTuple):
     """p: the same for the measured x, x_dot and theta_dot, each with its own u."""
     angle_offset: float = 0.0
     """sigma [rad]: the measured angle is theta + n, n normal with this standard deviation."""
+    hides_velocities: bool = False
+    """Whether the velocities are not measured: the agent reads 0 in their place."""
 
 
 def _degrees_squared(variance: float) -> float:
@@ -45,19 +47,19 @@ NOISES = {
 """Every named case. The first seven are the published ones; the last two go beyond them."""
 
 
-@compiled
+@inlined
 def _uniform(half_width: float, rng: np.random.Generator) -> float:
     return half_width * (2.0 * rng.random() - 1.0)
 
 
-@compiled
+@inlined
 def _normal(rng: np.random.Generator) -> float:
     """Return a standard normal number (Box & Muller, Ann. Math. Statist. 29, 1958)."""
     radius = math.sqrt(-2.0 * math.log(1.0 - rng.random()))
     return radius * math.cos(2.0 * math.pi * rng.random())
 
 
-@compiled
+@inlined
 def disturb(noise: Noise, force: float, rng: np.random.Generator) -> float:
     """Return the force [N] that acts when `force` was asked for."""
     if noise.actuator > 0.0:
@@ -65,7 +67,7 @@ def disturb(noise: Noise, force: float, rng: np.random.Generator) -> float:
     return force
 
 
-@compiled
+@inlined
 def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
     """Return what the agent sees of the true state."""
     x, x_dot, theta, theta_dot = state.x, state.x_dot, state.theta, state.theta_dot
@@ -77,10 +79,12 @@ def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
         theta_dot *= 1.0 + _uniform(noise.others, rng)
     if noise.angle_offset > 0.0:
         theta += noise.angle_offset * _normal(rng)
+    if noise.hides_velocities:
+        x_dot, theta_dot = 0.0, 0.0
     return State(x, x_dot, theta, theta_dot)
 
 
-@compiled
+@inlined
 def draw_start(half_widths: State, rng: np.random.Generator) -> State:
     """Return a start state, each component uniform in ± its half-width."""
     return State(

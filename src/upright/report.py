@@ -31,6 +31,8 @@ class Row:
     """Name of the noise case."""
     start: str
     """Name of the start."""
+    condition: str
+    """Name of the condition."""
     steps: int
     """N: steps of a successful trial."""
     runs: int
@@ -51,6 +53,10 @@ class Row:
     """Their 95th percentile."""
     max_trials: int | None
     """The most trials that a successful run needed."""
+    mean_trials_all_runs: float
+    """Mean number of trials made over all runs; a failed run counts with all it made."""
+    all_runs_ci95: tuple[float, float]
+    """Its 95 % interval, as above."""
     steps_simulated: int
     """Steps of all trials of all runs."""
     seconds: float
@@ -66,6 +72,7 @@ class Row:
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     """Return the statistics of a case over its runs."""
     trials = np.array([result.trials for result in results if result.success])
+    made = np.array([result.trials for result in results])
     rate_interval = wilson_interval(len(trials), len(results))
     some = len(trials) > 0
     return Row(
@@ -73,6 +80,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         settings=case.label,
         noise=case.noise,
         start=case.start,
+        condition=case.condition,
         steps=case.steps,
         runs=len(results),
         successes=len(trials),
@@ -83,6 +91,8 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         median_trials=float(np.median(trials)) if some else None,
         p95_trials=float(np.percentile(trials, 95)) if some else None,
         max_trials=int(trials.max()) if some else None,
+        mean_trials_all_runs=float(made.mean()),
+        all_runs_ci95=bootstrap_interval(made),
         steps_simulated=int(sum(result.lengths.sum() for result in results)),
         seconds=sum(result.seconds for result in results),
         published=figures(case.agent, case.noise),
@@ -175,11 +185,12 @@ def study_table(rows: Sequence[Row]) -> Table:
 
 def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
     agents = {row.agent for row in rows}
-    made = sorted({(row.runs, row.steps, row.start, row.seed) for row in rows})
+    made = sorted({(row.runs, row.steps, row.start, row.condition, row.seed) for row in rows})
     notes = [
-        f"{runs} runs a case, N = {steps:,} steps, start {start}, seed {seed}, "
-        f"upright {__version__}."
-        for runs, steps, start, seed in made
+        f"{runs} runs a case, N = {steps:,} steps, start {start}, "
+        + ("" if condition == "nominal" else f"condition {condition}, ")
+        + f"seed {seed}, upright {__version__}."
+        for runs, steps, start, condition, seed in made
     ]
     notes.append(
         "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
@@ -258,7 +269,7 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 def _flatten(row: Row) -> dict[str, object]:
     line = asdict(row)
-    for name in ("success_ci95", "ci95"):
+    for name in ("success_ci95", "ci95", "all_runs_ci95"):
         line[f"{name}_low"], line[f"{name}_high"] = line.pop(name) or (None, None)
     for source, value in line.pop("published").items():
         line[f"published: {source}"] = value

@@ -1,9 +1,18 @@
 """Studies: many runs of many cases, on all cores, written down as they end."""
 
+import hashlib
 import json
+import multiprocessing
+import signal
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import (
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from os import cpu_count
@@ -11,15 +20,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaError
 
-from upright.agents import AGENTS, Settings, named_settings, restore_settings
+from upright import trials
+from upright.agents import AGENTS, Settings, is_outside, named_settings, restore_settings
+from upright.agents.outside import Outside
 from upright.cartpole import equations
-from upright.compiled import sources_hash
-from upright.errors import require, require_one_of
+from upright.compiled import is_compiled, sources_hash
+from upright.errors import UprightError, require, require_one_of
 from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
-from upright.task import Task, make_task
-from upright.trials import compiled_run
+from upright.task import CONDITIONS, Task, draw_plant, make_task
+
+SHARED = ("agents/agent.py", "agents/outside.py", "agents/least_squares.py")
+"""What agents share, besides the task."""
 
 
 @dataclass(frozen=True)
@@ -42,15 +56,19 @@ class Case:
     """A run is at most this many trials."""
     integrator: str = "euler"
     """Name of the integrator."""
+    condition: str = "nominal"
+    """Name of the condition."""
 
     def __post_init__(self) -> None:
         """Refuse a case that cannot be run."""
-        require_one_of("agent", self.agent, AGENTS)
+        require_one_of("agent", self.agent, [*AGENTS, getattr(self.settings, "agent_name", "")])
         self.task()
 
     def task(self) -> Task:
-        """Return the task in numbers."""
-        return make_task(self.noise, self.start, self.steps, self.trials, self.integrator)
+        """Return the task in numbers; where every run has its own plant, with the nominal one."""
+        return make_task(
+            self.noise, self.start, self.steps, self.trials, self.integrator, self.condition
+        )
 
     @cached_property
     def key(self) -> str:
@@ -61,9 +79,15 @@ class Case:
 
 @cache
 def rule_version(agent: str) -> str:
-    """Return a digest of the code that determines what a run of this agent does."""
-    module = AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py"
-    return sources_hash("cartpole.py", "noise.py", "task.py", "trials.py", "study.py", module)
+    """Return a digest of the code that determines what a run of this agent does.
+
+    Of an agent from outside, that is the one file that it is written in.
+    """
+    shared = ["cartpole.py", "noise.py", "task.py", "trials.py", "study.py", *SHARED]
+    if is_outside(agent):
+        own = hashlib.sha256(Outside(agent).source().read_bytes()).hexdigest()[:12]
+        return f"{sources_hash(*shared)}-{own}"
+    return sources_hash(*shared, AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py")
 
 
 def make_case(agent: str, label: str = "default", **task: Any) -> Case:
@@ -84,6 +108,25 @@ def make_case(agent: str, label: str = "default", **task: Any) -> Case:
 def random_numbers(seed: int, run: int) -> np.random.Generator:
     """Return the stream of random numbers that is this run's own."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
+
+
+def make_run_task(case: Case, seed: int, run: int) -> Task:
+    """Return the task of one run, with the plant that is the run's own where they vary.
+
+    All agents meet the same plant in the run of this number.
+    """
+    task = case.task()
+    if CONDITIONS[case.condition].varies_plant:
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, 1)))
+        task = task._replace(parameters=draw_plant(task.parameters, rng))
+    return task
+
+
+def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
+    """Return the loop for an agent: compiled with it, or in Python if it is not compiled."""
+    if not is_compiled(agent):
+        return trials.run
+    return trials.outside_run if is_outside(case.agent) else trials.compiled_run
 
 
 def make_run(
@@ -107,15 +150,24 @@ def make_run(
     -------
     tuple
         The agent as it is then, and the result; None in its place if the run was stopped.
+
+    Raises
+    ------
+    UprightError
+        If an agent from outside lacks a method or cannot be compiled.
     """
     rng = random_numbers(seed, run)
+    agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
-    agent, task = case.settings.agent(rng), case.task()
     plant = equations(task.parameters)
-    compiled_run(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
+    loop = choose_loop(case, agent)
+    try:
+        loop(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
+    except NumbaError as error:
+        raise UprightError(f"agent is {case.agent!r}; it cannot be compiled: {error}") from None
     began = time.perf_counter()
-    success = compiled_run(agent, plant, task, rng, lengths, stop) > 0
+    success = loop(agent, plant, task, rng, lengths, stop) > 0
     seconds = time.perf_counter() - began
     made = lengths[lengths > 0]
     stopped = not success and len(made) < case.trials
@@ -150,8 +202,8 @@ def study(
     on_result
         Told of every run as it ends.
     executor
-        Where to run; a thread for every core unless given. Compiled runs share the cores as
-        threads.
+        Where to run. Unless given, every core has a thread, which is enough for compiled runs; or
+        a process, if some agent is plain Python, which can use one core at a time.
 
     Raises
     ------
@@ -162,7 +214,8 @@ def study(
     """
     check_study(runs, seed)
     stop = np.zeros(1, np.bool_)
-    workers = executor or ThreadPoolExecutor(cpu_count())
+    cases = list(cases)
+    workers = executor or _workers(cases)
     futures: dict[Future[Result | None], Case] = {}
     try:
         for case in cases:
@@ -177,10 +230,28 @@ def study(
         stop[0] = True  # seen by threads; runs elsewhere end by themselves
         for future in futures:
             future.cancel()
+        if executor is None:
+            for process in multiprocessing.active_children():
+                process.terminate()
         raise
     finally:
         if executor is None:
             workers.shutdown(wait=False)
+
+
+def _workers(cases: list[Case]) -> Executor:
+    """Return a worker for every core: threads, or processes if an agent is plain Python."""
+    outside = {case.settings for case in cases if is_outside(case.agent)}
+    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in outside):
+        return ThreadPoolExecutor(cpu_count())
+    # New processes, as a copy of one that has threads may hang. Ctrl-C reaches them too: they end
+    # at once and say nothing.
+    return ProcessPoolExecutor(
+        cpu_count(),
+        multiprocessing.get_context("spawn"),
+        signal.signal,
+        (signal.SIGINT, signal.SIG_DFL),
+    )
 
 
 def check_study(runs: int, seed: int) -> None:

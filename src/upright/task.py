@@ -1,6 +1,9 @@
 """What a run is: a plant, a noise case, a start, and when a trial and a run end."""
 
+import math
 from typing import NamedTuple
+
+import numpy as np
 
 from upright.cartpole import Integrator, Parameters, State, check_parameters
 from upright.errors import require, require_one_of
@@ -10,8 +13,34 @@ from upright.published import STEPS, TRIALS
 STARTS = {
     "random": State(0.05, 0.05, 0.05, 0.05),
     "zero": State(0.0, 0.0, 0.0, 0.0),
+    "wide": State(0.05, 0.05, math.radians(6), 0.05),
 }
-"""Half-widths of the uniform start: Gymnasium's convention, and Si & Wang's exact zero."""
+"""Half-widths of the uniform start: Gymnasium's convention, Si & Wang's exact zero, and one that
+lets the pole lean up to 6°."""
+
+
+class Condition(NamedTuple):
+    """How a task differs from the published one, besides its noise."""
+
+    varies_plant: bool = False
+    """Whether every run has a plant of its own, drawn by `draw_plant`."""
+    friction: float = 1.0
+    """Factor on both frictions."""
+    delay: int = 0
+    """How many steps pass before a push acts."""
+    hides_velocities: bool = False
+    """Whether the agent reads 0 for both velocities."""
+
+
+CONDITIONS = {
+    "nominal": Condition(),
+    "varied-plant": Condition(varies_plant=True),
+    "friction-100": Condition(friction=100.0),
+    "delay-1": Condition(delay=1),
+    "delay-2": Condition(delay=2),
+    "no-velocities": Condition(hides_velocities=True),
+}
+"""Every named condition; all but the first go beyond the published task."""
 
 
 class Task(NamedTuple):
@@ -27,6 +56,8 @@ class Task(NamedTuple):
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
     """A run is at most this many consecutive trials."""
+    delay: int = 0
+    """How many steps pass before a push acts; until the first arrives, none does."""
 
 
 def make_task(
@@ -35,6 +66,7 @@ def make_task(
     steps: int = STEPS,
     trials: int = TRIALS,
     integrator: str = "euler",
+    condition: str = "nominal",
 ) -> Task:
     """Return the task with these named parts.
 
@@ -47,7 +79,30 @@ def make_task(
     require_one_of("noise", noise, NOISES)
     require_one_of("start", start, STARTS)
     require_one_of("integrator", integrator, integrators)
+    require_one_of("condition", condition, CONDITIONS)
     require("steps", steps, 1, 10**9, whole=True)
     require("trials", trials, 1, 10**6, whole=True)
-    parameters = check_parameters(Parameters(integrator=integrators[integrator]))
-    return Task(parameters, NOISES[noise], STARTS[start], steps, trials)
+    differs = CONDITIONS[condition]
+    parameters = Parameters(integrator=integrators[integrator])
+    parameters = parameters._replace(
+        cart_friction=differs.friction * parameters.cart_friction,
+        pole_friction=differs.friction * parameters.pole_friction,
+    )
+    measured = NOISES[noise]._replace(hides_velocities=differs.hides_velocities)
+    start_state = STARTS[start]
+    return Task(
+        check_parameters(parameters), measured, start_state, steps, trials, differs.delay
+    )
+
+
+def draw_plant(parameters: Parameters, rng: np.random.Generator) -> Parameters:
+    """Return the parameters of another plant: a pole of 0.25 to 2 m, masses halved to doubled.
+
+    Each factor is drawn uniformly on a scale of powers.
+    """
+    half_length, cart, pole = rng.uniform((-2, -1, -1), (1, 1, 1)).tolist()
+    return parameters._replace(
+        half_length=parameters.half_length * 2.0**half_length,
+        cart_mass=parameters.cart_mass * 2.0**cart,
+        pole_mass=parameters.pole_mass * 2.0**pole,
+    )

@@ -12,9 +12,12 @@ from numba.extending import overload
 
 from upright.agents.agent import Agent
 from upright.cartpole import State, has_fallen
-from upright.compiled import compiled
+from upright.compiled import Compiled, compiled, inlined
 from upright.noise import disturb, draw_start, measure
 from upright.task import Task
+
+NO_PUSHES = (0.0, 0.0)
+"""The pushes [N] on their way to the cart at the start of a trial, as many as a delay may have."""
 
 
 class Plant(Protocol):
@@ -28,6 +31,15 @@ class Plant(Protocol):
 
     def close(self) -> None:
         """Release what the plant holds."""
+
+
+@inlined
+def delay(
+    steps: int, waiting: tuple[float, float], push: float
+) -> tuple[tuple[float, float], float]:
+    """Return the pushes [N] that wait after a new one, and the one that acts now."""
+    acting = push if steps == 0 else waiting[0] if steps == 1 else waiting[1]
+    return (push, waiting[0]), acting
 
 
 def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> tuple[int, bool]:
@@ -49,6 +61,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     tuple
         How many steps the trial lasted, and whether it ended by a fall.
     """
+    waiting = NO_PUSHES
     state = plant.reset(draw_start(task.start, rng))
     observation = measure(task.noise, state, rng)
     agent.begin_trial(rng)
@@ -57,6 +70,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     while steps < task.steps and not fallen:
         action = agent.act(observation, rng)
         push = task.parameters.force if action else -task.parameters.force
+        waiting, push = delay(task.delay, waiting, push)
         state = plant.step(disturb(task.noise, push, rng))
         fallen = has_fallen(task.parameters, state)
         before, observation = observation, measure(task.noise, state, rng)
@@ -109,3 +123,6 @@ def run(
 
 
 compiled_run = compiled(run)
+"""For the package's own agents: its machine code is kept on disk."""
+outside_run = Compiled(run, kept=False)
+"""For compiled agents from outside, whose changes the package would not notice."""

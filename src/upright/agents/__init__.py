@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 AGENTS = {
+    "adaptive-lqr": "upright.agents.adaptive_lqr",
     "reinforce": "upright.agents.reinforce",
     "q-learning": "upright.agents.q_learning",
     "random-search": "upright.agents.random_search",
@@ -28,15 +29,29 @@ class Settings(Protocol):
         """Return a new agent, its memory blank or random."""
 
 
+def is_outside(agent: str) -> bool:
+    """Whether this names an agent from outside the package."""
+    return ":" in agent
+
+
 def named_settings(agent: str) -> dict[str, Settings]:
     """Return an agent's settings by name: "default", and "as-published" where there is a source.
+
+    Parameters
+    ----------
+    agent
+        One of AGENTS, or `module:name` of an agent from outside.
 
     Raises
     ------
     UprightError
         If there is no such agent.
     """
-    require_one_of("agent", agent, AGENTS)
+    if is_outside(agent):
+        from upright.agents.outside import Outside
+
+        return {"default": Outside(agent)}
+    require_one_of("agent", agent, [*AGENTS, "module:name"])
     settings: dict[str, Settings] = import_module(AGENTS[agent]).SETTINGS
     return settings
 
