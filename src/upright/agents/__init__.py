@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 AGENTS = {
     "reinforce": "upright.agents.reinforce",
+    "ndp": "upright.agents.ndp",
     "q-learning": "upright.agents.q_learning",
     "random-search": "upright.agents.random_search",
 }

@@ -1,0 +1,370 @@
+"""Direct neural dynamic programming: Si & Wang's two networks that learn at every step.
+
+The critic network puts out J, the cost to expect from a measurement and an action; the action
+network puts out u, whose sign is the push. After each step both are trained on what is measured
+then (J. Si, Y.-T. Wang, *On-line learning control by association and reinforcement*, IEEE Trans.
+Neural Networks 12(2), 2001), with r = -1 at the fall, else 0:
+
+    critic:  E_c = ½ (α J(t) - (J(t-1) - r(t)))²,    w_c ← w_c - l ∂E_c/∂w_c,
+    action:  E_a = ½ J(t)²,                          w_a ← w_a - l ∂E_a/∂w_a,
+
+the latter through the critic, ∂E_a/∂w_a = J ∂J/∂u ∂u/∂w_a. Each rule is repeated until its error is
+below a threshold or its cycles are used up; the learning rate l falls with time. J(t-1) is what
+the critic said a step before, and is held.
+
+Either network has one hidden layer and no biases; its units put out φ(y) = (1 - e^-y) / (1 + e^-y).
+
+What the paper leaves open is a setting here: whether weights are drawn anew, and when, and whether
+the learning rate starts afresh with every trial. Fresh weights matter more than all the rest.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from upright.compiled import compiled
+from upright.errors import require, require_one_of
+
+STALLED_TRIALS, STALLED_STEPS = 6, 5
+"""Learning has stalled when so many trials in a row differ by no more than so many steps."""
+
+
+@dataclass(frozen=True)
+class DirectNDP:
+    """Settings of direct neural dynamic programming."""
+
+    hidden: int = 4
+    """Units in the hidden layer of each network."""
+    learning_rate: float = 0.5
+    """l at first."""
+    rate_decrement: float = 0.01
+    """How much lower l gets at a time."""
+    rate_interval: int = 5
+    """How many steps lie between two decrements."""
+    rate_floor: float = 0.02
+    """l gets no lower than this."""
+    rate_restarts: bool = True
+    """Whether l is as at first again when a trial begins."""
+    critic_cycles: int = 50
+    """How often the critic learns at one step, at most."""
+    action_cycles: int = 100
+    """How often the action network learns at one step, at most."""
+    critic_threshold: float = 0.05
+    """The critic stops when E_c is no more than this."""
+    action_threshold: float = 0.05
+    """The action network stops when E_a is no more than this."""
+    discount: float = 0.95
+    """α: how much less a fall costs for each step that it lies ahead."""
+    redraw: str = "always"
+    """When a trial begins with new random weights: "always", "never", or if learning "stalled"."""
+    spread: float = 2.0
+    """Random weights are uniform between plus and minus this."""
+    weight_limit: float = 0.0
+    """A layer with a weight beyond this is scaled down to a largest weight of 1; 0 is no limit."""
+    x_scale: float = 4.8
+    """Cart position that counts as one unit of input [m]."""
+    x_dot_scale: float = 3.0
+    """Cart velocity that counts as one unit of input [m/s]."""
+    theta_scale: float = math.radians(12)
+    """Pole angle that counts as one unit of input [rad]."""
+    theta_dot_scale: float = math.radians(60)
+    """Angular velocity that counts as one unit of input [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible settings."""
+        require("hidden", self.hidden, 1, 1000, whole=True)
+        for name in ("learning_rate", "rate_decrement", "rate_floor", "spread", "weight_limit"):
+            require(name, getattr(self, name), 0)
+        for name in ("critic_threshold", "action_threshold"):
+            require(name, getattr(self, name), 0)
+        require("rate_interval", self.rate_interval, 1, 10**9, whole=True)
+        for name in ("critic_cycles", "action_cycles"):
+            require(name, getattr(self, name), 0, 10**6, whole=True)
+        require("discount", self.discount, 0, 1)
+        require_one_of("redraw", self.redraw, ("always", "never", "stalled"))
+        for name in ("x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale"):
+            require(name, getattr(self, name), 0, above=True)
+
+    def agent(self, rng: np.random.Generator) -> "Memory":
+        """Return a new agent with random weights."""
+        scales = (self.x_scale, self.x_dot_scale, self.theta_scale, self.theta_dot_scale)
+        action, critic = _network(4, self.hidden), _network(5, self.hidden)
+        for layer in (action.layer_1, action.layer_2, critic.layer_1, critic.layer_2):
+            layer[:] = rng.uniform(-self.spread, self.spread, layer.shape)
+        return Memory(
+            action=action,
+            critic=critic,
+            scales=np.array(scales),
+            first=np.ones(1, np.bool_),
+            rate=Rate(
+                steps=np.zeros(1, np.int64),
+                start=float(self.learning_rate),
+                decrement=float(self.rate_decrement),
+                interval=self.rate_interval,
+                floor=float(self.rate_floor),
+                restarts=self.rate_restarts,
+            ),
+            critic_cycles=self.critic_cycles,
+            action_cycles=self.action_cycles,
+            critic_threshold=float(self.critic_threshold),
+            action_threshold=float(self.action_threshold),
+            discount=float(self.discount),
+            lengths=np.zeros(STALLED_TRIALS, np.int64),
+            trials=np.zeros(1, np.int64),
+            redraws_always=self.redraw == "always",
+            redraws_stalled=self.redraw == "stalled",
+            spread=float(self.spread),
+            weight_limit=float(self.weight_limit) or math.inf,
+        )
+
+
+SETTINGS = {
+    "default": DirectNDP(),
+    "as-published": DirectNDP(
+        hidden=6,
+        learning_rate=0.3,
+        rate_decrement=0.05,
+        rate_interval=5,
+        rate_floor=0.005,
+        rate_restarts=True,
+        critic_cycles=50,
+        action_cycles=100,
+        critic_threshold=0.05,
+        action_threshold=0.005,
+        discount=0.95,
+        redraw="stalled",
+        spread=1.0,
+        weight_limit=1.5,
+        x_scale=2.4,
+        x_dot_scale=1.5,
+        theta_scale=math.radians(12),
+        theta_dot_scale=math.radians(120),
+    ),
+}
+
+
+class Network(NamedTuple):
+    """A network's weights, and what its units put out at the last evaluation."""
+
+    layer_1: np.ndarray
+    layer_2: np.ndarray
+    inputs: np.ndarray
+    hidden: np.ndarray
+    output: np.ndarray
+
+
+class Rate(NamedTuple):
+    """The learning rate and how it falls."""
+
+    steps: np.ndarray
+    start: float
+    decrement: float
+    interval: int
+    floor: float
+    restarts: bool
+
+
+class Memory(NamedTuple):
+    """What the agent carries from step to step and from trial to trial."""
+
+    action: Network
+    critic: Network
+    scales: np.ndarray
+    first: np.ndarray
+    """Whether the networks have yet to be evaluated in this trial."""
+    rate: Rate
+    critic_cycles: int
+    action_cycles: int
+    critic_threshold: float
+    action_threshold: float
+    discount: float
+    lengths: np.ndarray
+    """How long the last trials were; a ring."""
+    trials: np.ndarray
+    """How many trials these weights have seen."""
+    redraws_always: bool
+    redraws_stalled: bool
+    spread: float
+    weight_limit: float
+
+    @compiled
+    def push_probability(self, observation):
+        """Return 1 where the policy pushes to the right, else 0."""
+        action, scales = self.action, self.scales
+        total = 0.0
+        for k in range(len(action.hidden)):
+            y = 0.0
+            for i in range(4):
+                y += observation[i] / scales[i] * action.layer_1[i, k]
+            total += squash(y) * action.layer_2[0, k]
+        return 1.0 if total >= 0.0 else 0.0
+
+    @compiled
+    def begin_trial(self, rng):
+        """Draw new weights if it is time to."""
+        self.first[0] = True
+        if self.rate.restarts:
+            self.rate.steps[0] = 0
+        stalled = self.redraws_stalled and has_stalled(self.lengths, self.trials[0])
+        if self.redraws_always or stalled:
+            draw(self.action.layer_1, self.spread, rng)
+            draw(self.action.layer_2, self.spread, rng)
+            draw(self.critic.layer_1, self.spread, rng)
+            draw(self.critic.layer_2, self.spread, rng)
+            self.trials[0] = 0
+        self.lengths[self.trials[0] % STALLED_TRIALS] = 0
+
+    @compiled
+    def act(self, observation, rng):
+        """Push to the side of the action network's output."""
+        if self.first[0]:
+            look(self, observation)
+            self.first[0] = False
+        return self.action.output[0] >= 0.0
+
+    @compiled
+    def learn(self, before, action, after, fallen):
+        """Train both networks on what is measured now."""
+        target = self.critic.output[0] + (1.0 if fallen else 0.0)
+        look(self, after)
+        rate = learning_rate(self.rate)
+        for _ in range(self.critic_cycles):
+            error = self.discount * self.critic.output[0] - target
+            if 0.5 * error * error <= self.critic_threshold:
+                break
+            train_critic(self.critic, rate * self.discount * error)
+        limit(self.critic.layer_1, self.weight_limit)
+        limit(self.critic.layer_2, self.weight_limit)
+        for _ in range(self.action_cycles):
+            cost = self.critic.output[0]
+            if 0.5 * cost * cost <= self.action_threshold:
+                break
+            train_action(self.action, self.critic, rate * cost)
+        limit(self.action.layer_1, self.weight_limit)
+        limit(self.action.layer_2, self.weight_limit)
+        self.rate.steps[0] += 1
+        self.lengths[self.trials[0] % STALLED_TRIALS] += 1
+
+    @compiled
+    def end_trial(self, fallen):
+        """Count the trial."""
+        self.trials[0] += 1
+
+
+def _network(inputs: int, hidden: int) -> Network:
+    return Network(
+        layer_1=np.zeros((inputs, hidden)),
+        layer_2=np.zeros((1, hidden)),
+        inputs=np.zeros(inputs),
+        hidden=np.zeros(hidden),
+        output=np.zeros(1),
+    )
+
+
+@compiled
+def squash(y):
+    """Return a unit's output, (1 - e^-y) / (1 + e^-y)."""
+    return math.tanh(0.5 * y)
+
+
+@compiled
+def squash_slope(output):
+    """Return the derivative of `squash`, from the unit's output."""
+    return 0.5 * (1.0 - output * output)
+
+
+@compiled
+def evaluate(network):
+    """Set a network's output to the sum over its hidden units, for its inputs."""
+    for k in range(len(network.hidden)):
+        network.hidden[k] = 0.0
+    for i in range(len(network.inputs)):
+        for k in range(len(network.hidden)):
+            network.hidden[k] += network.inputs[i] * network.layer_1[i, k]
+    total = 0.0
+    for k in range(len(network.hidden)):
+        network.hidden[k] = squash(network.hidden[k])
+        total += network.hidden[k] * network.layer_2[0, k]
+    network.output[0] = total
+
+
+@compiled
+def evaluate_both(action, critic):
+    """Evaluate the action network, then the critic with the action as its last input."""
+    evaluate(action)
+    critic.inputs[4] = squash(action.output[0])
+    evaluate(critic)
+
+
+@compiled
+def look(memory, observation):
+    """Evaluate both networks at a measurement."""
+    for i in range(4):
+        memory.action.inputs[i] = memory.critic.inputs[i] = observation[i] / memory.scales[i]
+    evaluate_both(memory.action, memory.critic)
+
+
+@compiled
+def descend(network, step):
+    """Move a network's weights by `step` times the gradient of its output, downwards."""
+    for k in range(len(network.hidden)):
+        error = step * network.layer_2[0, k] * squash_slope(network.hidden[k])
+        network.layer_2[0, k] -= step * network.hidden[k]
+        for i in range(len(network.inputs)):
+            network.layer_1[i, k] -= error * network.inputs[i]
+
+
+@compiled
+def train_critic(critic, step):
+    """Move the critic's weights and evaluate it again."""
+    descend(critic, step)
+    evaluate(critic)
+
+
+@compiled
+def train_action(action, critic, step):
+    """Move the action network's weights by the gradient of J, and evaluate both again."""
+    slope = 0.0  # ∂J/∂u
+    for k in range(len(critic.hidden)):
+        slope += critic.layer_2[0, k] * squash_slope(critic.hidden[k]) * critic.layer_1[4, k]
+    descend(action, step * slope * squash_slope(critic.inputs[4]))
+    evaluate_both(action, critic)
+
+
+@compiled
+def limit(layer, largest):
+    """Scale down a layer whose weights have grown too large."""
+    top = 0.0
+    for i in range(layer.shape[0]):
+        for k in range(layer.shape[1]):
+            top = max(top, abs(layer[i, k]))
+    if top > largest:
+        for i in range(layer.shape[0]):
+            for k in range(layer.shape[1]):
+                layer[i, k] /= top
+
+
+@compiled
+def learning_rate(rate):
+    """Return the learning rate of this step."""
+    fall = rate.decrement * (rate.steps[0] // rate.interval)
+    return max(rate.floor, rate.start - fall)
+
+
+@compiled
+def has_stalled(lengths, trials):
+    """Return whether the last trials were all about as long."""
+    shortest, longest = lengths[0], lengths[0]
+    for length in lengths:
+        shortest, longest = min(shortest, length), max(longest, length)
+    return trials >= len(lengths) and longest - shortest <= STALLED_STEPS
+
+
+@compiled
+def draw(layer, spread, rng):
+    """Draw new weights."""
+    for i in range(layer.shape[0]):
+        for k in range(layer.shape[1]):
+            layer[i, k] = spread * (2.0 * rng.random() - 1.0)
