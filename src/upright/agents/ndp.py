@@ -30,7 +30,6 @@ from upright.errors import require, require_one_of
 STALLED_TRIALS, STALLED_STEPS = 6, 5
 """Learning has stalled when so many trials in a row differ by no more than so many steps."""
 
-
 @dataclass(frozen=True)
 class DirectNDP:
     """Settings of direct neural dynamic programming."""
@@ -153,6 +152,8 @@ class Network(NamedTuple):
     inputs: np.ndarray
     hidden: np.ndarray
     output: np.ndarray
+    fan_in: tuple[int, ...]
+    units: tuple[int, ...]
 
 
 class Rate(NamedTuple):
@@ -260,13 +261,27 @@ def _network(inputs: int, hidden: int) -> Network:
         inputs=np.zeros(inputs),
         hidden=np.zeros(hidden),
         output=np.zeros(1),
+        fan_in=tuple(range(inputs)),
+        units=tuple(range(hidden)),
     )
 
 
 @compiled
 def squash(y):
-    """Return a unit's output, (1 - e^-y) / (1 + e^-y)."""
-    return math.tanh(0.5 * y)
+    """Return a unit's output, (1 - e^-y) / (1 + e^-y) = tanh(y/2), to 1e-15.
+
+    The C library's functions differ in their last bit between systems, which an unstable plant
+    soon turns into another trajectory, and loops that call them cannot be vectorised. So: tanh of
+    a 16th by Lambert's continued fraction, then doubled four times, tanh 2a = 2nd / (n² + d²)
+    where tanh a = n / d.
+    """
+    a = min(max(y / 32.0, -1.25), 1.25)
+    s = a * a
+    n = a * (34459425.0 + s * (4729725.0 + s * (135135.0 + s * (990.0 + s))))
+    d = 34459425.0 + s * (16216200.0 + s * (945945.0 + s * (13860.0 + s * 45.0)))
+    for _ in range(4):
+        n, d = 2.0 * n * d, n * n + d * d
+    return n / d
 
 
 @compiled
@@ -278,14 +293,15 @@ def squash_slope(output):
 @compiled
 def evaluate(network):
     """Set a network's output to the sum over its hidden units, for its inputs."""
-    for k in range(len(network.hidden)):
-        network.hidden[k] = 0.0
-    for i in range(len(network.inputs)):
-        for k in range(len(network.hidden)):
-            network.hidden[k] += network.inputs[i] * network.layer_1[i, k]
-    total = 0.0
-    for k in range(len(network.hidden)):
+    for k in range(len(network.units)):
+        y = 0.0
+        for i in range(len(network.fan_in)):
+            y += network.inputs[i] * network.layer_1[i, k]
+        network.hidden[k] = y
+    for k in range(len(network.units)):
         network.hidden[k] = squash(network.hidden[k])
+    total = 0.0
+    for k in range(len(network.units)):
         total += network.hidden[k] * network.layer_2[0, k]
     network.output[0] = total
 
@@ -309,10 +325,10 @@ def look(memory, observation):
 @compiled
 def descend(network, step):
     """Move a network's weights by `step` times the gradient of its output, downwards."""
-    for k in range(len(network.hidden)):
+    for k in range(len(network.units)):
         error = step * network.layer_2[0, k] * squash_slope(network.hidden[k])
         network.layer_2[0, k] -= step * network.hidden[k]
-        for i in range(len(network.inputs)):
+        for i in range(len(network.fan_in)):
             network.layer_1[i, k] -= error * network.inputs[i]
 
 
@@ -327,7 +343,7 @@ def train_critic(critic, step):
 def train_action(action, critic, step):
     """Move the action network's weights by the gradient of J, and evaluate both again."""
     slope = 0.0  # ∂J/∂u
-    for k in range(len(critic.hidden)):
+    for k in range(len(critic.units)):
         slope += critic.layer_2[0, k] * squash_slope(critic.hidden[k]) * critic.layer_1[4, k]
     descend(action, step * slope * squash_slope(critic.inputs[4]))
     evaluate_both(action, critic)
