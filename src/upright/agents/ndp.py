@@ -210,10 +210,8 @@ class Memory(NamedTuple):
             self.rate.steps[0] = 0
         stalled = self.redraws_stalled and has_stalled(self.lengths, self.trials[0])
         if self.redraws_always or stalled:
-            draw(self.action.layer_1, self.spread, rng)
-            draw(self.action.layer_2, self.spread, rng)
-            draw(self.critic.layer_1, self.spread, rng)
-            draw(self.critic.layer_2, self.spread, rng)
+            draw(self.action, self.spread, rng)
+            draw(self.critic, self.spread, rng)
             self.trials[0] = 0
         self.lengths[self.trials[0] % STALLED_TRIALS] = 0
 
@@ -236,15 +234,15 @@ class Memory(NamedTuple):
             if 0.5 * error * error <= self.critic_threshold:
                 break
             train_critic(self.critic, rate * self.discount * error)
-        limit(self.critic.layer_1, self.weight_limit)
-        limit(self.critic.layer_2, self.weight_limit)
+        if limit(self.critic, self.weight_limit):
+            evaluate(self.critic)
         for _ in range(self.action_cycles):
             cost = self.critic.output[0]
             if 0.5 * cost * cost <= self.action_threshold:
                 break
             train_action(self.action, self.critic, rate * cost)
-        limit(self.action.layer_1, self.weight_limit)
-        limit(self.action.layer_2, self.weight_limit)
+        if limit(self.action, self.weight_limit):
+            evaluate_both(self.action, self.critic)
         self.rate.steps[0] += 1
         self.lengths[self.trials[0] % STALLED_TRIALS] += 1
 
@@ -350,8 +348,16 @@ def train_action(action, critic, step):
 
 
 @compiled
-def limit(layer, largest):
-    """Scale down a layer whose weights have grown too large."""
+def limit(network, largest):
+    """Scale down layers whose weights have grown too large; return whether any had."""
+    first = scale_down(network.layer_1, largest)
+    second = scale_down(network.layer_2, largest)
+    return first or second
+
+
+@compiled
+def scale_down(layer, largest):
+    """Divide a layer's weights by the largest of them if that is beyond the limit."""
     top = 0.0
     for i in range(layer.shape[0]):
         for k in range(layer.shape[1]):
@@ -360,6 +366,7 @@ def limit(layer, largest):
         for i in range(layer.shape[0]):
             for k in range(layer.shape[1]):
                 layer[i, k] /= top
+    return top > largest
 
 
 @compiled
@@ -379,8 +386,9 @@ def has_stalled(lengths, trials):
 
 
 @compiled
-def draw(layer, spread, rng):
+def draw(network, spread, rng):
     """Draw new weights."""
-    for i in range(layer.shape[0]):
-        for k in range(layer.shape[1]):
-            layer[i, k] = spread * (2.0 * rng.random() - 1.0)
+    for layer in (network.layer_1, network.layer_2):
+        for i in range(layer.shape[0]):
+            for k in range(layer.shape[1]):
+                layer[i, k] = spread * (2.0 * rng.random() - 1.0)
