@@ -15,7 +15,9 @@ the critic said a step before, and is held.
 Either network has one hidden layer and no biases; its units put out φ(y) = (1 - e^-y) / (1 + e^-y).
 
 What the paper leaves open is a setting here: whether weights are drawn anew, and when, and whether
-the learning rate starts afresh with every trial. Fresh weights matter more than all the rest.
+the learning rate starts afresh with every trial. Fresh weights matter more than all the rest: with
+weights that are never drawn anew, about half of the runs get stuck. The original program draws
+them when learning has stalled; the tuned settings after every trial that promises little.
 """
 
 import math
@@ -29,6 +31,9 @@ from upright.errors import require, require_one_of
 
 STALLED_TRIALS, STALLED_STEPS = 6, 5
 """Learning has stalled when so many trials in a row differ by no more than so many steps."""
+PROMISING_STEPS = 100
+"""A trial promises something if it lasts so long, and longer than the one before."""
+
 
 @dataclass(frozen=True)
 class DirectNDP:
@@ -36,7 +41,7 @@ class DirectNDP:
 
     hidden: int = 4
     """Units in the hidden layer of each network."""
-    learning_rate: float = 0.5
+    learning_rate: float = 0.85
     """l at first."""
     rate_decrement: float = 0.01
     """How much lower l gets at a time."""
@@ -50,25 +55,27 @@ class DirectNDP:
     """How often the critic learns at one step, at most."""
     action_cycles: int = 100
     """How often the action network learns at one step, at most."""
-    critic_threshold: float = 0.05
+    critic_threshold: float = 0.03
     """The critic stops when E_c is no more than this."""
     action_threshold: float = 0.05
     """The action network stops when E_a is no more than this."""
     discount: float = 0.95
     """α: how much less a fall costs for each step that it lies ahead."""
-    redraw: str = "always"
-    """When a trial begins with new random weights: "always", "never", or if learning "stalled"."""
+    redraw: str = "unpromising"
+    """When a trial begins with new random weights: "always", "never", if learning has "stalled", or
+    if the trial before was "unpromising".
+    """
     spread: float = 2.0
     """Random weights are uniform between plus and minus this."""
     weight_limit: float = 0.0
     """A layer with a weight beyond this is scaled down to a largest weight of 1; 0 is no limit."""
     x_scale: float = 4.8
     """Cart position that counts as one unit of input [m]."""
-    x_dot_scale: float = 3.0
+    x_dot_scale: float = 2.5
     """Cart velocity that counts as one unit of input [m/s]."""
     theta_scale: float = math.radians(12)
     """Pole angle that counts as one unit of input [rad]."""
-    theta_dot_scale: float = math.radians(60)
+    theta_dot_scale: float = 0.93
     """Angular velocity that counts as one unit of input [rad/s]."""
 
     def __post_init__(self) -> None:
@@ -82,7 +89,7 @@ class DirectNDP:
         for name in ("critic_cycles", "action_cycles"):
             require(name, getattr(self, name), 0, 10**6, whole=True)
         require("discount", self.discount, 0, 1)
-        require_one_of("redraw", self.redraw, ("always", "never", "stalled"))
+        require_one_of("redraw", self.redraw, ("always", "never", "stalled", "unpromising"))
         for name in ("x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale"):
             require(name, getattr(self, name), 0, above=True)
 
@@ -110,10 +117,13 @@ class DirectNDP:
             critic_threshold=float(self.critic_threshold),
             action_threshold=float(self.action_threshold),
             discount=float(self.discount),
-            lengths=np.zeros(STALLED_TRIALS, np.int64),
-            trials=np.zeros(1, np.int64),
+            history=History(
+                lengths=np.zeros(STALLED_TRIALS, np.int64),
+                trials=np.zeros(1, np.int64),
+            ),
             redraws_always=self.redraw == "always",
             redraws_stalled=self.redraw == "stalled",
+            redraws_unpromising=self.redraw == "unpromising",
             spread=float(self.spread),
             weight_limit=float(self.weight_limit) or math.inf,
         )
@@ -167,6 +177,15 @@ class Rate(NamedTuple):
     restarts: bool
 
 
+class History(NamedTuple):
+    """The trials since weights were drawn."""
+
+    lengths: np.ndarray
+    """How long the last ones were; a ring."""
+    trials: np.ndarray
+    """How many there have been."""
+
+
 class Memory(NamedTuple):
     """What the agent carries from step to step and from trial to trial."""
 
@@ -181,12 +200,10 @@ class Memory(NamedTuple):
     critic_threshold: float
     action_threshold: float
     discount: float
-    lengths: np.ndarray
-    """How long the last trials were; a ring."""
-    trials: np.ndarray
-    """How many trials these weights have seen."""
+    history: History
     redraws_always: bool
     redraws_stalled: bool
+    redraws_unpromising: bool
     spread: float
     weight_limit: float
 
@@ -208,12 +225,15 @@ class Memory(NamedTuple):
         self.first[0] = True
         if self.rate.restarts:
             self.rate.steps[0] = 0
-        stalled = self.redraws_stalled and has_stalled(self.lengths, self.trials[0])
-        if self.redraws_always or stalled:
+        history = self.history
+        redraws = self.redraws_always
+        redraws |= self.redraws_stalled and has_stalled(history)
+        redraws |= self.redraws_unpromising and not is_promising(history)
+        if redraws:
             draw(self.action, self.spread, rng)
             draw(self.critic, self.spread, rng)
-            self.trials[0] = 0
-        self.lengths[self.trials[0] % STALLED_TRIALS] = 0
+            history.trials[0] = 0
+        history.lengths[history.trials[0] % STALLED_TRIALS] = 0
 
     @compiled
     def act(self, observation, rng):
@@ -244,12 +264,13 @@ class Memory(NamedTuple):
         if limit(self.action, self.weight_limit):
             evaluate_both(self.action, self.critic)
         self.rate.steps[0] += 1
-        self.lengths[self.trials[0] % STALLED_TRIALS] += 1
+        history = self.history
+        history.lengths[history.trials[0] % STALLED_TRIALS] += 1
 
     @compiled
     def end_trial(self, fallen):
         """Count the trial."""
-        self.trials[0] += 1
+        self.history.trials[0] += 1
 
 
 def _network(inputs: int, hidden: int) -> Network:
@@ -377,12 +398,22 @@ def learning_rate(rate):
 
 
 @compiled
-def has_stalled(lengths, trials):
+def has_stalled(history):
     """Return whether the last trials were all about as long."""
+    lengths = history.lengths
     shortest, longest = lengths[0], lengths[0]
     for length in lengths:
         shortest, longest = min(shortest, length), max(longest, length)
-    return trials >= len(lengths) and longest - shortest <= STALLED_STEPS
+    return history.trials[0] >= STALLED_TRIALS and longest - shortest <= STALLED_STEPS
+
+
+@compiled
+def is_promising(history):
+    """Return whether the last trial was long, and longer than the one before with these weights."""
+    trials, lengths = history.trials[0], history.lengths
+    last = lengths[(trials - 1) % STALLED_TRIALS] if trials > 0 else 0
+    before = lengths[(trials - 2) % STALLED_TRIALS] if trials > 1 else 0
+    return last >= PROMISING_STEPS and last > before
 
 
 @compiled
