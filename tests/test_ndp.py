@@ -16,6 +16,7 @@ from upright.agents.ndp import (
 )
 from upright.cartpole import State
 from upright.errors import UprightError
+from upright.policy import learned_policy, load_policy, save_policy
 from upright.study import make_case, make_run
 
 HERE, THERE = State(0.4, -0.9, 0.06, 0.5), State(0.3, -1.2, 0.08, 0.9)
@@ -173,7 +174,7 @@ def test_one_cycle_goes_down_the_gradient_of_the_error(part, fallen):
 @pytest.mark.parametrize("label", SETTINGS)
 def test_a_few_steps_by_hand(label):
     """Cycles, thresholds, limits and the learning rate together."""
-    settings = replace(SETTINGS[label], rate_interval=5, critic_cycles=3, action_cycles=4)
+    settings = replace(SETTINGS[label], learning_rate=0.2, critic_cycles=3, action_cycles=4)
     settings = replace(settings, weight_limit=settings.weight_limit and 0.99 * settings.spread)
     rng = np.random.default_rng(6)
     agent = settings.agent(rng)
@@ -363,6 +364,18 @@ def test_a_seed_gives_the_same_run_again():
     first, second = (make_run(case, 5, 3) for _ in range(2))
     assert np.array_equal(first[1].lengths, second[1].lengths)
     assert all(map(np.array_equal, arrays(first[0]), arrays(second[0])))
+
+
+def test_a_policy_read_back_balances_alike(tmp_path):
+    case = make_case("ndp", steps=3000)
+    policy = learned_policy(case, 5, 3, make_run(case, 5, 3)[0])
+    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    again = load_policy(tmp_path / "policy.npz")
+    pushes = set()
+    for point in np.random.default_rng(11).normal(0, 0.2, (100, 4)):
+        pushes.add(policy.push_probability(point))
+        assert again.push_probability(point) == policy.push_probability(point)
+    assert pushes == {0.0, 1.0}
 
 
 def test_published_settings_run():
