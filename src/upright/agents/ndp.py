@@ -16,7 +16,7 @@ Either network has one hidden layer and no biases; its units put out φ(y) = (1 
 
 What the paper leaves open is a setting here: whether weights are drawn anew, and when, and whether
 the learning rate starts afresh with every trial. Fresh weights matter more than all the rest: with
-weights that are never drawn anew, about half of the runs get stuck. The original program draws
+weights that are never drawn anew, many runs get stuck. The original program draws
 them when learning has stalled; the tuned settings after every trial that promises little.
 """
 
@@ -152,6 +152,8 @@ SETTINGS = {
         theta_dot_scale=math.radians(120),
     ),
 }
+"""As published: the numbers of the paper. It leaves open the scales of the inputs, the limit of the
+weights, and what happens when learning stalls; these are those of the authors' program."""
 
 
 class Network(NamedTuple):
@@ -164,6 +166,9 @@ class Network(NamedTuple):
     output: np.ndarray
     fan_in: tuple[int, ...]
     units: tuple[int, ...]
+    """The numbers of the inputs and of the hidden units. Tuples: how many there are is known to the
+    compiler, which then needs half the time.
+    """
 
 
 class Rate(NamedTuple):
@@ -290,9 +295,9 @@ def squash(y):
     """Return a unit's output, (1 - e^-y) / (1 + e^-y) = tanh(y/2), to 1e-15.
 
     The C library's functions differ in their last bit between systems, which an unstable plant
-    soon turns into another trajectory, and loops that call them cannot be vectorised. So: tanh of
-    a 16th by Lambert's continued fraction, then doubled four times, tanh 2a = 2nd / (n² + d²)
-    where tanh a = n / d.
+    soon turns into another trajectory. So, with additions and multiplications: tanh of a 16th of
+    y/2 by Lambert's continued fraction, then doubled four times, tanh 2a = 2nd / (n² + d²) where
+    tanh a = n / d.
     """
     a = min(max(y / 32.0, -1.25), 1.25)
     s = a * a
