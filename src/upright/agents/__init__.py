@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 AGENTS = {
     "adaptive-lqr": "upright.agents.adaptive_lqr",
     "reinforce": "upright.agents.reinforce",
+    "ndp": "upright.agents.ndp",
     "q-learning": "upright.agents.q_learning",
     "random-search": "upright.agents.random_search",
 }
