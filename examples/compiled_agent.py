@@ -1,9 +1,9 @@
 """A compiled agent: hill climbing, as fast as the package's own agents.
 
-    upright table --agents examples.compiled_agent:hill_climber,random-search --noises none,actuator-10
+    upright table --agents examples.compiled_agent:hill_climber,random-search --noises none
 
-The policy is linear. Each trial tries the best weights so far, changed a little at random, and keeps
-them if the pole stood longer. The rules for compiled methods: numbers that change live in arrays,
+The policy is linear. Each trial tries the best weights so far, changed a little at random, and
+keeps them if the pole stood longer. The rules for compiled methods: numbers that change live in arrays,
 and arrays are allocated when the agent is made.
 """
 

@@ -7,7 +7,7 @@ intervals overlap, the two are tied.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from upright import __version__
 from upright.agents import AGENTS
@@ -18,7 +18,7 @@ from upright.progress import study_with_progress
 from upright.published import CASES, SOURCES, TRIALS
 from upright.report import Row, Table, number, summarise_all, to_json, to_markdown
 from upright.store import Store
-from upright.study import Case, make_case
+from upright.study import make_case
 
 STARTS_SHOWN = {
     "random": "Start within ±0.05",
@@ -99,12 +99,12 @@ def _cell(row: Row, rank: int) -> str:
     return mean if row.successes == row.runs else f"{mean} {100 * row.success_rate:.0f} %"
 
 
-READING = f"""Each cell has the agent's rank in that column, its mean number of trials to success with
-a 95 % interval and, where some runs failed, the success rate; the mean is over the successful runs.
-Ranks go by the mean over all runs, a failed one counted with the {TRIALS:,} trials it made; agents
-whose intervals overlap are tied. The best rank is bold. Every trial counts, the successful one
-included. `random-search` draws a new linear policy for every trial and learns nothing: an agent is
-worth what it gains on that.
+READING = f"""Each cell has the agent's rank in that column, its mean number of trials to success
+with a 95 % interval and, where some runs failed, the success rate; the mean is over the successful
+runs. Ranks go by the mean over all runs, a failed one counted with the {TRIALS:,} trials it made;
+agents whose intervals overlap are tied. The best rank is bold. Every trial counts, the successful
+one included. `random-search` draws a new linear policy for every trial and learns nothing: an agent
+is worth what it gains on that.
 """
 
 
@@ -213,7 +213,9 @@ def _broken(rows: dict[str, list[Row]]) -> str:
         for row in some:
             if row.success_rate < 0.95:
                 found[row.agent].append(f"{title} ({100 * row.success_rate:.0f} %)")
-    return "\n".join(f"- `{agent}`: {', '.join(some) or 'nothing'}" for agent, some in found.items())
+    return "\n".join(
+        f"- `{agent}`: {', '.join(some) or 'nothing'}" for agent, some in found.items()
+    )
 
 
 def _settings(study: Study) -> str:

@@ -30,19 +30,31 @@ class Policy:
     task: dict[str, Any]
     """What it learned on: noise, start, steps, integrator, seed and run."""
 
+    def __post_init__(self) -> None:
+        """Stand at the beginning of a trial."""
+        self.begin_trial(np.random.default_rng(0))
+
     def push_probability(self, observation: State) -> float:
         """Return the probability of a push to the right."""
         return float(self.memory.push_probability(State(*map(float, observation))))
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Nothing is to be done."""
+        """Forget what was measured in the trial before, where that plays a part."""
+        if self._has_history:
+            self.memory.begin_trial(rng)
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
         """Sample a push."""
         return bool(rng.random() < self.push_probability(observation))
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        """Learn nothing."""
+        """Learn nothing; remember what was measured, where that plays a part."""
+        if self._has_history:
+            self.memory.remember(before, action)
+
+    @property
+    def _has_history(self) -> bool:
+        return hasattr(self.memory, "remember")
 
     def end_trial(self, fallen: bool) -> None:
         """Learn nothing."""

@@ -90,9 +90,7 @@ def make_task(
     )
     measured = NOISES[noise]._replace(hides_velocities=differs.hides_velocities)
     start_state = STARTS[start]
-    return Task(
-        check_parameters(parameters), measured, start_state, steps, trials, differs.delay
-    )
+    return Task(check_parameters(parameters), measured, start_state, steps, trials, differs.delay)
 
 
 def draw_plant(parameters: Parameters, rng: np.random.Generator) -> Parameters:

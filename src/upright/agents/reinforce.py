@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from upright.agents.least_squares import factorise, solve
 from upright.compiled import compiled
 from upright.errors import require, require_one_of
 
@@ -370,7 +371,8 @@ def fit_baseline(baseline, episodes, discount):
             for j in range(FEATURES):
                 moments[i, j] += features[i] * features[j]
         discounted *= discount
-    solve(moments, targets, baseline.factor, baseline.coefficients)
+    factorise(moments, baseline.factor)
+    solve(baseline.factor, targets, baseline.coefficients)
 
 
 @compiled
@@ -382,27 +384,6 @@ def set_features(features, inputs):
         for j in range(i + 1):
             features[index] = inputs[i] * inputs[j]
             index += 1
-
-
-@compiled
-def solve(matrix, right_side, factor, solution):
-    """Solve a symmetric positive definite system by Cholesky's method."""
-    for i in range(len(solution)):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            factor[i, j] = math.sqrt(total) if i == j else total / factor[j, j]
-    for i in range(len(solution)):
-        total = right_side[i]
-        for k in range(i):
-            total -= factor[i, k] * solution[k]
-        solution[i] = total / factor[i, i]
-    for i in range(len(solution) - 1, -1, -1):
-        total = solution[i]
-        for k in range(i + 1, len(solution)):
-            total -= factor[k, i] * solution[k]
-        solution[i] = total / factor[i, i]
 
 
 @compiled
