@@ -63,7 +63,9 @@ class Case:
 def rule_version(agent: str) -> str:
     """Return a digest of the code that determines what a run of this agent does."""
     module = AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py"
-    return sources_hash("cartpole.py", "noise.py", "task.py", "trials.py", "study.py", module)
+    shared = ("agents/agent.py", "agents/boxes.py")
+    task = ("cartpole.py", "noise.py", "task.py", "trials.py", "study.py")
+    return sources_hash(*task, *shared, module)
 
 
 def make_case(agent: str, label: str = "default", **task: Any) -> Case:
