@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 AGENTS = {
     "reinforce": "upright.agents.reinforce",
     "q-learning": "upright.agents.q_learning",
+    "ase-ace": "upright.agents.ase_ace",
     "random-search": "upright.agents.random_search",
 }
 """Where each agent is found. Modules are imported when used: compiled code is slow to load."""
