@@ -334,8 +334,8 @@ def search(
             if not finished:
                 _begin_with_start(wanted, found)
             trial = found.ask({each.label: each.distribution() for each in wanted.space})
-            on_progress(Standing(len(finished), 0, _best(finished)))
             try:
+                on_progress(Standing(len(finished), 0, _best(finished)))
                 value = _measure(wanted, trial, finished, on_progress, executor)
             except BaseException:
                 found.tell(trial, state=optuna.trial.TrialState.FAIL)
