@@ -138,7 +138,7 @@ int64_t trial_linear(const Parameters *p, const double w[4], State *state, int64
     return count;
 }
 
-/* The memory of upright/agents/q_learning.py. */
+/* The memory of upright/agents/q_learning.py, its boxes included. */
 typedef struct {
     const double *table;
     int64_t table_length;

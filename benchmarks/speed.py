@@ -330,7 +330,7 @@ def q_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
         agent = copy.deepcopy(trained.agent)
         assert agent.mirrored, "reference.c knows the default settings"
         assert agent.passes > 0, "reference.c knows the default settings"
-        edges = [np.array(each) for each in agent.edges]
+        edges = [np.array(each) for each in agent.boxes.edges]
         memory = CQMemory(
             address(agent.table),
             len(agent.table),

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from upright.agents.q_learning import SETTINGS, QLearning, entry, find_box
+from upright.agents.boxes import find_box
+from upright.agents.q_learning import SETTINGS, QLearning, entry
 from upright.cartpole import State
 from upright.errors import UprightError
 from upright.study import make_case, make_run
@@ -29,8 +30,10 @@ def middles(edges):
 
 
 def box_in_numpy(agent, observation):
-    index = [np.searchsorted(edges, o) for edges, o in zip(agent.edges, observation, strict=True)]
-    return int(np.ravel_multi_index(index, agent.parts))
+    index = [
+        np.searchsorted(edges, o) for edges, o in zip(agent.boxes.edges, observation, strict=True)
+    ]
+    return int(np.ravel_multi_index(index, agent.boxes.parts))
 
 
 # ------------------------------------------------------------------------------ boxes
@@ -39,8 +42,8 @@ def box_in_numpy(agent, observation):
 @pytest.mark.parametrize("label", SETTINGS)
 def test_every_box_is_found_in_order(label):
     agent = AGENTS[label]
-    places = itertools.product(*map(middles, agent.edges))
-    found = [find_box(agent, State(*place)) for place in places]
+    places = itertools.product(*map(middles, agent.boxes.edges))
+    found = [find_box(agent.boxes, State(*place)) for place in places]
     assert found == list(range(BOXES[label]))
 
 
@@ -52,11 +55,11 @@ def test_published_boxes_are_the_162():
 @pytest.mark.parametrize("name", EDGES)
 def test_an_edge_belongs_to_the_lower_box(label, name):
     agent = AGENTS[label]
-    middle = State(*(middles(edges)[0] for edges in agent.edges))
+    middle = State(*(middles(edges)[0] for edges in agent.boxes.edges))
     field = name.removesuffix("_edges")
     for edge in getattr(SETTINGS[label], name):
         below, at, above = (
-            find_box(agent, middle._replace(**{field: value}))
+            find_box(agent.boxes, middle._replace(**{field: value}))
             for value in (np.nextafter(edge, -9).item(), edge, np.nextafter(edge, 9).item())
         )
         assert below == at < above
@@ -66,11 +69,11 @@ def test_an_edge_belongs_to_the_lower_box(label, name):
 @given(st.builds(State, *(st.floats(-3, 3) for _ in EDGES)))
 def test_the_mirror_image_of_a_box_is_counted_from_the_end(label, state):
     agent = AGENTS[label]
-    if any(o in edges for edges, o in zip(agent.edges, state, strict=True)):
+    if any(o in edges for edges, o in zip(agent.boxes.edges, state, strict=True)):
         return  # on an edge, which belongs to the lower box
     mirrored = State(*(-value for value in state))
-    assert find_box(agent, mirrored) == BOXES[label] - 1 - find_box(agent, state)
-    assert find_box(agent, state) == box_in_numpy(agent, state)
+    assert find_box(agent.boxes, mirrored) == BOXES[label] - 1 - find_box(agent.boxes, state)
+    assert find_box(agent.boxes, state) == box_in_numpy(agent, state)
 
 
 def entries(agent, boxes):
@@ -100,7 +103,7 @@ def test_it_pushes_as_the_better_value_says(label):
     pushes = set()
     for _ in range(50):
         seen = State(*rng.normal(size=4).tolist())
-        box = find_box(agent, seen)
+        box = find_box(agent.boxes, seen)
         right = agent.table[entry(agent, box, True)] > agent.table[entry(agent, box, False)]
         state = rng.bit_generator.state
         assert agent.act(seen, rng) == right
@@ -120,7 +123,7 @@ def test_an_update_at_every_step_is_the_report_s_equation(action, fallen):
     agent = blank(SETTINGS["as-published"])
     agent.table[:] = np.random.default_rng(3).normal(size=len(agent.table))
     q = agent.table.reshape(-1, 2).copy()
-    here, there = find_box(agent, HERE), find_box(agent, THERE)
+    here, there = find_box(agent.boxes, HERE), find_box(agent.boxes, THERE)
     worth = -1 if fallen else 0.9 * q[there].max()
     q[here, int(action)] = 0.7 * q[here, int(action)] + 0.3 * worth
     agent.learn(HERE, action, THERE, fallen)
@@ -265,6 +268,6 @@ def test_published_settings_run():
 def test_a_measurement_without_edges_is_not_looked_at():
     settings = QLearning(x_edges=(), x_dot_edges=())
     agent = blank(settings)
-    boxes = {find_box(agent, State(x, x, 0.0, 0.0)) for x in (-9.0, 0.0, 9.0)}
+    boxes = {find_box(agent.boxes, State(x, x, 0.0, 0.0)) for x in (-9.0, 0.0, 9.0)}
     assert len(boxes) == 1
     assert len(agent.table) == 2 * 5 * 8

@@ -1,12 +1,15 @@
 import json
 import multiprocessing
+import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from upright import compiled
 from upright.agents import AGENTS
 from upright.errors import UprightError
 from upright.store import Store
@@ -169,6 +172,18 @@ def test_a_key_holds_everything_that_determines_a_run():
 
 def test_rules_of_different_agents_differ():
     assert len({rule_version(agent) for agent in AGENTS}) == len(AGENTS)
+
+
+def test_a_rule_covers_the_files_that_agents_share(tmp_path, monkeypatch):
+    package = Path(shutil.copytree(compiled.PACKAGE, tmp_path / "upright"))
+    monkeypatch.setattr(compiled, "PACKAGE", package)
+    seen = [rule_version.__wrapped__("ase-ace")]
+    for name in ("cartpole", "agents/agent", "agents/boxes", "agents/ase_ace"):
+        (package / f"{name}.py").write_text(f"# another {name}")
+        seen.append(rule_version.__wrapped__("ase-ace"))
+    assert len(set(seen)) == 5
+    (package / "agents" / "reinforce.py").write_text("# another rule")
+    assert rule_version.__wrapped__("ase-ace") == seen[-1]
 
 
 @pytest.mark.parametrize(

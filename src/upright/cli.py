@@ -74,6 +74,7 @@ examples:
   upright reproduce                            the published tables again, with pictures
   upright show results/runs.sqlite             what a store of runs holds
   upright plot policy results/reinforce.npz    a picture of what was learned
+  upright tune q-learning                      search for better settings
 `upright COMMAND --help` shows more of each.
 """,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -89,6 +90,7 @@ examples:
         _add_show,
         _add_plot,
         _add_agents,
+        _add_tune,
     ):
         add(commands)
     return parser
@@ -151,6 +153,13 @@ SHARED: dict[str, dict[str, Any]] = {
         "help": "text (default), markdown, csv, json or latex",
     },
     "--output": {"metavar": "FILE", "help": "write the table there, not on the screen"},
+    "--set": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "dest": "changes",
+        "help": "change one setting; may be repeated",
+    },
 }
 """Options that several commands have."""
 TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
@@ -179,14 +188,7 @@ examples:
     parser.add_argument("--noise", default="none", metavar="CASE", help="noise case (default none)")
     _add_shared(parser, *TASK)
     parser.add_argument("--run", **_whole(0, "number of the run within its study", "K"))
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="changes",
-        help="change one setting; may be repeated",
-    )
+    _add_shared(parser, "--set")
     parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
     parser.add_argument("--save", metavar="FILE", help="save the policy, as FILE.npz")
     parser.add_argument("--quiet", action="store_true", help="print only how it ended")
@@ -359,6 +361,53 @@ examples:
     parser.set_defaults(command=agents)
 
 
+def _add_tune(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "tune",
+        "search for better settings of an agent",
+        f"""\
+examples:
+  upright tune q-learning
+  upright tune q-learning --search learning_rate --search discount=0.9:0.999 --candidates 50
+  upright tune ase-ace --settings as-published --set mirrored=True --noises all --runs 20
+  upright tune reinforce --candidates 300             (after the first: 200 more)
+What counts is the mean number of trials over all runs; a failed run counts as --trials. The first
+candidate is the settings it begins with; hopeless ones are given up early. The best is measured
+again on fresh runs. No run has a seed below a million: those are for tables. Stopped, the same
+command goes on where it was.
+{TASK_HELP}It needs Optuna: pip install 'upright[tune]'
+""",
+    )
+    parser.add_argument("agent", metavar="AGENT", help="whose settings")
+    parser.add_argument(
+        "--noises",
+        default="none,actuator-10,gaussian-0.2",
+        metavar="LIST",
+        help="noise cases, with commas between (default none,actuator-10,gaussian-0.2)",
+    )
+    _add_shared(parser, *TASK)
+    parser.add_argument(
+        "--search",
+        action="append",
+        default=[],
+        metavar="NAME[=LOW:HIGH]",
+        help="search this setting, in this range; may be repeated (default: all that have a range)",
+    )
+    _add_shared(parser, "--set")
+    parser.add_argument("--runs", **_whole(RUNS, "runs of a candidate on each noise case"))
+    parser.add_argument("--candidates", **_whole(100, "settings to try in all"))
+    parser.add_argument(
+        "--validation-runs", **_whole(100, "fresh runs of the best on each noise case")
+    )
+    parser.add_argument(
+        "--store",
+        metavar="FILE",
+        help="where candidates are kept (default tune-AGENT.sqlite in this folder)",
+    )
+    parser.set_defaults(command=tune)
+
+
 def learn(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
     from upright.errors import require
@@ -389,20 +438,24 @@ def learn(options: argparse.Namespace) -> int:
     return 0 if result.success else FAILED
 
 
-def _changed_case(options: argparse.Namespace) -> "Case":
+def _changed_case(options: argparse.Namespace, noise: str | None = None) -> "Case":
     from dataclasses import replace
 
     from upright.agents import change_settings
     from upright.study import make_case
 
-    case = make_case(options.agent, options.settings, noise=options.noise, **_task(options))
-    changes = {}
+    noise = noise or options.noise
+    case = make_case(options.agent, options.settings, noise=noise, **_task(options))
+    changes = dict(_changes(options))
+    return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+
+
+def _changes(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
     for change in options.changes:
         name, sign, value = change.partition("=")
         if not sign:
             raise UprightError(f"--set is {change!r}; it must be NAME=VALUE")
-        changes[name.strip().replace("-", "_")] = value.strip()
-    return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+        yield name.strip().replace("-", "_"), value.strip()
 
 
 def _task(options: argparse.Namespace) -> dict[str, Any]:
@@ -437,12 +490,12 @@ def table(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _telling_what_is_kept(place: str | None) -> Iterator[None]:
+def _telling_what_is_kept(place: str | None, what: str = "finished runs") -> Iterator[None]:
     """Say, when interrupted, where the finished runs are."""
     try:
         yield
     except KeyboardInterrupt:
-        kept = f"finished runs are kept in {place}; the same command goes on from there"
+        kept = f"{what} are kept in {place}; the same command goes on from there"
         lost = "nothing was kept; with --store FILE finished runs would be"
         print(f"upright: {kept if place else lost}", file=sys.stderr)
         raise
@@ -537,4 +590,25 @@ def agents(options: argparse.Namespace) -> int:
         for setting, text in describe_settings(named["default"]).items():
             values = ", ".join(f"{label} {getattr(s, setting)!r}" for label, s in named.items())
             print(f"  {setting}: {text}\n      {values}")
+    return 0
+
+
+def tune(options: argparse.Namespace) -> int:
+    """Carry out `upright tune`."""
+    from upright.progress import search_with_progress, study_with_progress
+    from upright.study import check_study
+    from upright.tune import Search, describe, place_for, require_optuna, search_space, validate
+
+    require_optuna()
+    noises = CASES if options.noises == "all" else _split(options.noises)
+    cases = tuple(_changed_case(options, noise) for noise in noises)
+    fixed = [name for name, _ in _changes(options)]
+    space = search_space(cases[0].settings, options.search, fixed)
+    wanted = Search(cases, tuple(space), options.runs, options.seed)
+    check_study(options.validation_runs, options.seed)
+    store = options.store or place_for(options.agent)
+    with _telling_what_is_kept(store, "finished candidates"):
+        found = search_with_progress(wanted, options.candidates, store)
+        worths = validate(wanted, found.settings, options.validation_runs, study_with_progress)
+    print(describe(wanted, found, worths, options.settings))
     return 0

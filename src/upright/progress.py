@@ -1,12 +1,14 @@
 """Showing how far a study is."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from upright.store import Result, Store
 from upright.study import Case, study
+from upright.tune import BATCHES, Found, Search, Standing, search
 
 
 def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Store) -> None:
@@ -33,3 +35,29 @@ def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Stor
             bar.update(task, advance=1, description=described, rate=f"{rate:.1f} M steps/s")
 
         study(cases, runs, seed, store, show)
+
+
+def search_with_progress(wanted: Search, candidates: int, path: Path | str) -> Found:
+    """Search, as `tune.search`, with a bar that shows the best so far and the time left."""
+    columns = (
+        TextColumn("candidate"),
+        BarColumn(),
+        TextColumn("{task.fields[place]}"),
+        TextColumn("{task.fields[best]}"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    shown = console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=not shown) as bar:
+        task = bar.add_task("", total=candidates * BATCHES, place="", best="")
+
+        def show(standing: Standing) -> None:
+            best = "" if standing.best is None else f"best {standing.best:.1f} trials"
+            bar.update(
+                task,
+                completed=standing.finished * BATCHES + standing.batch,
+                place=f"{min(standing.finished + 1, candidates)}/{candidates}",
+                best=best,
+            )
+
+        return search(wanted, candidates, path, show)

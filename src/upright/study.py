@@ -32,7 +32,7 @@ from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import CONDITIONS, Task, draw_plant, make_task
 
-SHARED = ("agents/agent.py", "agents/outside.py", "agents/least_squares.py")
+SHARED = ("agents/agent.py", "agents/outside.py", "agents/boxes.py", "agents/least_squares.py")
 """What agents share, besides the task."""
 
 

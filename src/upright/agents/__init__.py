@@ -16,6 +16,7 @@ AGENTS = {
     "reinforce": "upright.agents.reinforce",
     "ndp": "upright.agents.ndp",
     "q-learning": "upright.agents.q_learning",
+    "ase-ace": "upright.agents.ase_ace",
     "random-search": "upright.agents.random_search",
 }
 """Where each agent is found. Modules are imported when used: compiled code is slow to load."""

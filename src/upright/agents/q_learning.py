@@ -26,15 +26,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from upright.agents.boxes import (
+    BARTO_SUTTON_ANDERSON,
+    Boxes,
+    check_edges,
+    degrees,
+    find_box,
+    make_boxes,
+)
 from upright.compiled import compiled
-from upright.errors import UprightError, require
+from upright.errors import require
 
 FALL = -1
 """Stands for the box that a fall leads to."""
-
-
-def _degrees(*edges: float) -> tuple[float, ...]:
-    return tuple(math.radians(edge) for edge in edges)
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,9 @@ class QLearning:
     """Edges of the boxes along the cart's position [m]."""
     x_dot_edges: tuple[float, ...] = (0.0,)
     """Edges along the cart's velocity [m/s]."""
-    theta_edges: tuple[float, ...] = _degrees(-3, -1, 1, 3)
+    theta_edges: tuple[float, ...] = degrees(-3, -1, 1, 3)
     """Edges along the pole's angle [rad]."""
-    theta_dot_edges: tuple[float, ...] = _degrees(-50, -30, -12, 0, 12, 30, 50)
+    theta_dot_edges: tuple[float, ...] = degrees(-50, -30, -12, 0, 12, 30, 50)
     """Edges along the pole's angular velocity [rad/s]."""
 
     def __post_init__(self) -> None:
@@ -73,22 +77,14 @@ class QLearning:
         require("trace", self.trace, 0, 1)
         require("jitter", self.jitter, 0)
         for name in ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges"):
-            edges = getattr(self, name)
-            for edge in edges:
-                require(f"an edge in {name}", edge, -1e6)
-            if list(edges) != sorted(set(edges)):
-                raise UprightError(f"{name} is {edges!r}; its edges must ascend")
-            if self.mirrored and not np.allclose(edges, -np.flip(edges)):
-                raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+            check_edges(name, getattr(self, name), self.mirrored)
 
     def agent(self, rng: np.random.Generator) -> "Memory":
         """Return a new agent with a blank table."""
-        edges = (self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
-        parts = tuple(len(some) + 1 for some in edges)
+        boxes = make_boxes(self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
         return Memory(
-            table=self.jitter * (rng.random(2 * math.prod(parts)) - 0.5),
-            edges=tuple(tuple(map(float, some)) or (math.inf,) for some in edges),
-            parts=parts,
+            table=self.jitter * (rng.random(2 * math.prod(boxes.parts)) - 0.5),
+            boxes=boxes,
             mirrored=self.mirrored,
             move_entries=np.zeros(self.kept_moves, np.int64),
             move_boxes=np.zeros(self.kept_moves, np.int64),
@@ -109,10 +105,7 @@ SETTINGS = {
         kept_moves=1,
         trace=0.0,
         mirrored=False,
-        x_edges=(-0.8, 0.8),
-        x_dot_edges=(-0.5, 0.5),
-        theta_edges=_degrees(-6, -1, 0, 1, 6),
-        theta_dot_edges=_degrees(-50, 50),
+        **BARTO_SUTTON_ANDERSON,
     ),
 }
 """As published: the report's α and γ. It leaves the boxes open; these are the 162 of Barto, Sutton
@@ -124,12 +117,7 @@ class Memory(NamedTuple):
 
     table: np.ndarray
     """Values, at the place that `entry` gives for a box and a push."""
-    edges: tuple[tuple[float, ...], ...]
-    """Where each of the four measurements is cut. Tuples, not arrays: their lengths are known to
-    the compiler, which then compares all at once.
-    """
-    parts: tuple[int, ...]
-    """Into how many parts each is cut."""
+    boxes: Boxes
     mirrored: bool
     move_entries: np.ndarray
     """Of each kept move, the place in the table of its box and push; a ring."""
@@ -145,7 +133,7 @@ class Memory(NamedTuple):
     @compiled
     def push_probability(self, observation):
         """Return 1 where the policy pushes to the right, else 0."""
-        return 1.0 if right_is_better(self, find_box(self, observation)) else 0.0
+        return 1.0 if right_is_better(self, find_box(self.boxes, observation)) else 0.0
 
     @compiled
     def begin_trial(self, rng):
@@ -154,13 +142,13 @@ class Memory(NamedTuple):
     @compiled
     def act(self, observation, rng):
         """Push as the better value says."""
-        return right_is_better(self, find_box(self, observation))
+        return right_is_better(self, find_box(self.boxes, observation))
 
     @compiled
     def learn(self, before, action, after, fallen):
         """Learn from a move, or keep it until the pole has fallen."""
-        box = find_box(self, before)
-        next_box = FALL if fallen else find_box(self, after)
+        box = find_box(self.boxes, before)
+        next_box = FALL if fallen else find_box(self.boxes, after)
         if self.passes == 0:
             change(self, entry(self, box, action), target(self, next_box))
         elif next_box != box:
@@ -175,25 +163,6 @@ class Memory(NamedTuple):
         if fallen:
             for _ in range(self.passes):
                 replay(self)
-
-
-@compiled
-def count_below(edges, value):
-    """Return how many edges lie below a value."""
-    count = 0
-    for edge in edges:
-        count += 1 if value > edge else 0
-    return count
-
-
-@compiled
-def find_box(memory, observation):
-    """Return the number of the box that a measurement lies in; on an edge, of the one below."""
-    edges, parts = memory.edges, memory.parts
-    box = count_below(edges[0], observation.x)
-    box = box * parts[1] + count_below(edges[1], observation.x_dot)
-    box = box * parts[2] + count_below(edges[2], observation.theta)
-    return box * parts[3] + count_below(edges[3], observation.theta_dot)
 
 
 @compiled

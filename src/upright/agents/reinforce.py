@@ -18,7 +18,7 @@ that decay a little.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Reinforce:
     """Step size of Adam."""
     discount: float = 0.99
     """γ: how much less a push counts for each step that it lies before the fall."""
-    baseline: str = "fitted"
+    baseline: Literal["fitted", "mean"] = "fitted"
     """What returns are compared with: their "mean", or a regression "fitted" on the inputs."""
     episodes: int = 8
     """How many of the last episodes an update learns from."""

@@ -1,0 +1,227 @@
+"""The associative search element and the adaptive critic element of 1983.
+
+The first learner of this task, and the ancestor of all actor-critics: A. Barto, R. Sutton,
+C. Anderson, *Neuronlike adaptive elements that can solve difficult learning control problems*, IEEE
+Trans. Systems, Man, and Cybernetics 13, 1983. The measurements are cut into boxes. For the box b of
+the present measurement the search element has a weight w(b), and pushes to the right, y = 1, if
+that weight plus normal noise is above zero, else to the left, y = -1; the critic element has a
+prediction p = v(b) of the falls ahead. The measurement after the push tells how much better or
+worse things went than predicted,
+
+    r̂ = r + γ p' - p,    r = -1 and p' = 0 at the fall, else r = 0,
+
+and both elements learn from that, in every box by its traces: how lately the box was visited, and
+how lately it was left by which push:
+
+    e(b) ← δ e(b) + (1 - δ) y,    x̄(b) ← λ x̄(b) + (1 - λ)    in the box that was left,
+    e(b) ← δ e(b),                x̄(b) ← λ x̄(b)              in all others,
+    w(b) ← w(b) + α r̂ e(b),       v(b) ← v(b) + β r̂ x̄(b).
+
+Traces are zero when a trial begins. Both predictions of a step come from the same v, as in Sutton's
+own program (pole.c); the paper takes p from before the last update.
+
+A cart-pole seen in a mirror is a cart-pole: with `mirrored`, a box and its mirror image share their
+prediction, and their weight with its sign turned.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from upright.agents.boxes import (
+    BARTO_SUTTON_ANDERSON,
+    Boxes,
+    check_edges,
+    degrees,
+    find_box,
+    make_boxes,
+)
+from upright.compiled import compiled
+from upright.errors import require
+
+NEGLIGIBLE = 1e-12
+"""A trace or a surprise below this is zero. Left alone, both would shrink for ever while the pole
+stands, down to numbers so small that the processor slows on them.
+"""
+
+
+@dataclass(frozen=True)
+class AseAce:
+    """Settings of the two elements."""
+
+    learning_rate: float = 8.0
+    """α: how far the search element's weights move."""
+    critic_rate: float = 0.25
+    """β: how far the critic element's predictions move."""
+    discount: float = 0.99
+    """γ: how much less a fall counts for each step that it lies ahead."""
+    push_trace: float = 0.7
+    """δ: how much of a push's trace is left after a step."""
+    box_trace: float = 0.5
+    """λ: how much of a visit's trace is left after a step."""
+    noise: float = 0.01
+    """σ: standard deviation of the noise on the search element's sum."""
+    mirrored: bool = True
+    """Whether a box and its mirror image share what they learn."""
+    x_edges: tuple[float, ...] = (-1.0, 1.0)
+    """Edges of the boxes along the cart's position [m]."""
+    x_dot_edges: tuple[float, ...] = (0.0,)
+    """Edges along the cart's velocity [m/s]."""
+    theta_edges: tuple[float, ...] = degrees(-3, -0.5, 0.5, 3)
+    """Edges along the pole's angle [rad]."""
+    theta_dot_edges: tuple[float, ...] = degrees(-54, -17, 0, 17, 54)
+    """Edges along the pole's angular velocity [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible settings."""
+        require("learning_rate", self.learning_rate, 0, 1e6)
+        require("critic_rate", self.critic_rate, 0, 1)
+        require("discount", self.discount, 0, 1)
+        require("push_trace", self.push_trace, 0, 0.9999)
+        require("box_trace", self.box_trace, 0, 0.9999)
+        require("noise", self.noise, 0, 1e6, above=True)
+        for name in ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges"):
+            check_edges(name, getattr(self, name), self.mirrored)
+
+    def agent(self, rng: np.random.Generator) -> "Memory":
+        """Return a new agent that knows nothing."""
+        boxes = make_boxes(self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
+        count = math.prod(boxes.parts)
+        return Memory(
+            boxes=boxes,
+            mirrored=self.mirrored,
+            weights=np.zeros(count),
+            predictions=np.zeros(count),
+            push_traces=np.zeros(count),
+            box_traces=np.zeros(count),
+            recent=np.zeros(count, np.int64),
+            recents=np.zeros(1, np.int64),
+            learning_rate=self.learning_rate,
+            critic_rate=self.critic_rate,
+            discount=self.discount,
+            push_trace=self.push_trace,
+            box_trace=self.box_trace,
+            noise=self.noise,
+        )
+
+
+SETTINGS = {
+    "default": AseAce(),
+    "as-published": AseAce(
+        learning_rate=1000.0,
+        critic_rate=0.5,
+        discount=0.95,
+        push_trace=0.9,
+        box_trace=0.8,
+        noise=0.01,
+        mirrored=False,
+        **BARTO_SUTTON_ANDERSON,
+    ),
+}
+"""As published: the paper's numbers. Tuned, a weight moves far less at a time, against the
+same noise, so that a push is tried again before it is settled, and the boxes are other ones.
+"""
+
+
+class Memory(NamedTuple):
+    """What the agent carries from step to step and from trial to trial."""
+
+    boxes: Boxes
+    mirrored: bool
+    weights: np.ndarray
+    """w of each box."""
+    predictions: np.ndarray
+    """v of each box."""
+    push_traces: np.ndarray
+    """e of each box."""
+    box_traces: np.ndarray
+    """x̄ of each box."""
+    recent: np.ndarray
+    """The boxes that have traces, in no order: few of all, and the only ones to look at."""
+    recents: np.ndarray
+    """How many those are."""
+    learning_rate: float
+    critic_rate: float
+    discount: float
+    push_trace: float
+    box_trace: float
+    noise: float
+
+    @compiled
+    def push_probability(self, observation):
+        """Return the probability that the weight plus noise is above zero."""
+        box, side = find_place(self, observation)
+        return 0.5 * math.erfc(-side * self.weights[box] / (math.sqrt(2.0) * self.noise))
+
+    @compiled
+    def begin_trial(self, rng):
+        """Forget the traces."""
+        for i in range(self.recents[0]):
+            self.push_traces[self.recent[i]] = 0.0
+            self.box_traces[self.recent[i]] = 0.0
+        self.recents[0] = 0
+
+    @compiled
+    def act(self, observation, rng):
+        """Sample a push."""
+        return rng.random() < self.push_probability(observation)
+
+    @compiled
+    def learn(self, before, action, after, fallen):
+        """Learn from a step, in all boxes that were visited lately."""
+        box, side = find_place(self, before)
+        leave(self, box, side if action else -side)
+        r = -1.0 if fallen else self.discount * self.predictions[find_place(self, after)[0]]
+        surprise = r - self.predictions[box]
+        if abs(surprise) > NEGLIGIBLE:
+            change(self, surprise)
+        fade(self)
+
+    @compiled
+    def end_trial(self, fallen):
+        """Nothing is to be done: the fall was learned from as a step."""
+
+
+@compiled
+def find_place(memory, observation):
+    """Return the box of a measurement and 1, or the box of its mirror image and -1."""
+    box = find_box(memory.boxes, observation)
+    image = len(memory.weights) - 1 - box
+    return (image, -1.0) if memory.mirrored and image < box else (box, 1.0)
+
+
+@compiled
+def leave(memory, box, push):
+    """Add to the traces of a box that is left by a push, 1 or -1."""
+    if memory.box_traces[box] == 0.0 and memory.push_traces[box] == 0.0:
+        memory.recent[memory.recents[0]] = box
+        memory.recents[0] += 1
+    memory.push_traces[box] += (1.0 - memory.push_trace) * push
+    memory.box_traces[box] += 1.0 - memory.box_trace
+
+
+@compiled
+def change(memory, surprise):
+    """Move weights and predictions by a surprise."""
+    for i in range(memory.recents[0]):
+        box = memory.recent[i]
+        memory.weights[box] += memory.learning_rate * surprise * memory.push_traces[box]
+        memory.predictions[box] += memory.critic_rate * surprise * memory.box_traces[box]
+
+
+@compiled
+def fade(memory):
+    """Let the traces fade, and forget the boxes where they are negligible."""
+    kept = 0
+    for i in range(memory.recents[0]):
+        box = memory.recent[i]
+        memory.push_traces[box] *= memory.push_trace
+        memory.box_traces[box] *= memory.box_trace
+        if max(abs(memory.push_traces[box]), memory.box_traces[box]) > NEGLIGIBLE:
+            memory.recent[kept] = box
+            kept += 1
+        else:
+            memory.push_traces[box] = memory.box_traces[box] = 0.0
+    memory.recents[0] = kept

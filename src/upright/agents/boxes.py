@@ -1,0 +1,85 @@
+"""Boxes: the four measurements, each cut at edges, and every combination of parts numbered.
+
+For agents that learn a number for each box. Settings hold the edges; `make_boxes` turns them into
+what compiled code reads.
+"""
+
+import math
+from typing import NamedTuple, TypedDict
+
+import numpy as np
+
+from upright.compiled import compiled
+from upright.errors import UprightError, require
+
+
+def degrees(*edges: float) -> tuple[float, ...]:
+    """Return edges given in degrees [rad]."""
+    return tuple(math.radians(edge) for edge in edges)
+
+
+class Edges(TypedDict):
+    """Where each measurement is cut, as settings name it."""
+
+    x_edges: tuple[float, ...]
+    x_dot_edges: tuple[float, ...]
+    theta_edges: tuple[float, ...]
+    theta_dot_edges: tuple[float, ...]
+
+
+BARTO_SUTTON_ANDERSON: Edges = {
+    "x_edges": (-0.8, 0.8),
+    "x_dot_edges": (-0.5, 0.5),
+    "theta_edges": degrees(-6, -1, 0, 1, 6),
+    "theta_dot_edges": degrees(-50, 50),
+}
+"""The 162 boxes of Barto, Sutton & Anderson (1983), theirs from Michie & Chambers (1968)."""
+
+
+def check_edges(name: str, edges: tuple[float, ...], mirrored: bool) -> None:
+    """Raise UprightError unless edges ascend and, if `mirrored`, are alike in ±."""
+    for edge in edges:
+        require(f"an edge in {name}", edge, -1e6)
+    if list(edges) != sorted(set(edges)):
+        raise UprightError(f"{name} is {edges!r}; its edges must ascend")
+    if mirrored and not np.allclose(edges, -np.flip(edges)):
+        raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+
+
+class Boxes(NamedTuple):
+    """How the measurements are cut."""
+
+    edges: tuple[tuple[float, ...], ...]
+    """Where each of the four is cut. Tuples, not arrays: their lengths are known to the compiler,
+    which then compares all at once.
+    """
+    parts: tuple[int, ...]
+    """Into how many parts each is cut."""
+
+
+def make_boxes(*edges: tuple[float, ...]) -> Boxes:
+    """Return the boxes between the edges of x, x_dot, theta and theta_dot."""
+    return Boxes(
+        # An empty tuple has no type that compiled code could read: no measurement is above inf.
+        edges=tuple(tuple(map(float, some)) or (math.inf,) for some in edges),
+        parts=tuple(len(some) + 1 for some in edges),
+    )
+
+
+@compiled
+def count_below(edges, value):
+    """Return how many edges lie below a value."""
+    count = 0
+    for edge in edges:
+        count += 1 if value > edge else 0
+    return count
+
+
+@compiled
+def find_box(boxes, observation):
+    """Return the number of the box that a measurement lies in; on an edge, of the one below."""
+    edges, parts = boxes.edges, boxes.parts
+    box = count_below(edges[0], observation.x)
+    box = box * parts[1] + count_below(edges[1], observation.x_dot)
+    box = box * parts[2] + count_below(edges[2], observation.theta)
+    return box * parts[3] + count_below(edges[3], observation.theta_dot)

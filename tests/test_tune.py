@@ -1,0 +1,413 @@
+import math
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from helpers import python
+
+from upright import tune
+from upright.agents import AGENTS, change_settings, named_settings
+from upright.agents.ase_ace import AseAce
+from upright.agents.q_learning import QLearning
+from upright.agents.random_search import RandomSearch
+from upright.agents.reinforce import Reinforce
+from upright.cli import BAD_USE, INTERRUPTED, run
+from upright.errors import UprightError, require
+from upright.store import Store
+from upright.study import make_case, make_run
+from upright.tune import (
+    SEEDS,
+    Range,
+    Search,
+    as_options,
+    as_python,
+    search,
+    search_seed,
+    search_space,
+    validate,
+    validation_seed,
+)
+
+QUICK = {"steps": 300, "trials": 60}
+
+
+def wanted(runs=4, seed=0, search=(), noises=("none", "gaussian-0.2"), **task):
+    cases = [make_case("random-search", noise=noise, **QUICK | task) for noise in noises]
+    return Search(tuple(cases), tuple(search_space(cases[0].settings, search)), runs, seed)
+
+
+def tried(path):
+    """Return the candidates of a store: what was drawn, what came of it."""
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute(
+            "SELECT t.state, group_concat(p.param_name || '=' || p.param_value), v.value "
+            "FROM trials t LEFT JOIN trial_params p USING (trial_id) "
+            "LEFT JOIN trial_values v USING (trial_id) "
+            "WHERE t.state IN ('COMPLETE', 'PRUNED') GROUP BY trial_id ORDER BY t.number"
+        ).fetchall()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return what a search found that was not interrupted, and its store."""
+    path = tmp_path_factory.mktemp("tune") / "whole"
+    return search(wanted(), 14, path), path
+
+
+# ------------------------------------------------------------------------------ the space
+
+
+def space(settings, *names, fixed=()):
+    return {each.setting: each for each in search_space(settings, names, fixed)}
+
+
+def test_numbers_are_searched_around_their_values_on_a_logarithmic_scale():
+    found = space(QLearning(learning_rate=0.02, kept_moves=2000, trace=0.15))
+    assert found["learning_rate"][2:] == (pytest.approx(0.002), pytest.approx(0.2), "float")
+    assert found["kept_moves"][2:] == (500, 8000, "int")
+    assert found["learning_rate"].distribution().log
+    assert found["kept_moves"].distribution().log
+
+
+def test_a_fraction_near_one_is_searched_by_its_distance_from_one():
+    found = space(QLearning(discount=0.99))["discount"]
+    assert found.label == "1 - discount"
+    assert found[2:] == (pytest.approx(0.001), pytest.approx(0.1), "gap")
+    assert found.value(0.0123456) == 0.9877
+    assert found.drawn(0.99) == pytest.approx(0.01)
+    assert found.drawn(0.5) is None
+
+
+def test_a_range_ends_where_the_settings_refuse():
+    assert space(QLearning(learning_rate=0.3))["learning_rate"].high == pytest.approx(1)
+    assert space(Reinforce(momentum=0.4))["momentum"].high == pytest.approx(0.999999)
+    assert space(QLearning(passes=2))["passes"][2:4] == (1, 8)
+    assert space(QLearning(passes=400))["passes"][2:4] == (100, 1000)
+    assert space(Reinforce(decay=0.0))["decay"][2:4] == (0, pytest.approx(0.999999))
+
+
+def test_what_tells_no_range_is_left_alone():
+    assert not [name for name in space(QLearning()) if name.endswith("edges")]
+    assert "jitter" not in space(QLearning(jitter=0.0))
+    assert "passes" not in space(QLearning(passes=0))
+
+
+def test_choices_are_searched_where_they_are_allowed():
+    assert space(QLearning())["mirrored"].choices == (False, True)
+    assert "mirrored" not in space(QLearning(mirrored=False, x_edges=(0.0, 1.0)))
+    assert space(Reinforce())["baseline"].choices == ("fitted", "mean")
+
+
+@pytest.mark.parametrize("label", ["default", "as-published"])
+@pytest.mark.parametrize("agent", AGENTS)
+def test_every_agent_can_be_searched_and_both_ends_of_a_range_are_allowed(agent, label):
+    named = named_settings(agent)
+    settings = named.get(label, named["default"])
+    found = search_space(settings)
+    assert len(found) >= 4
+    for each in found:
+        for drawn in each.choices or (each.low, each.high):
+            replace(settings, **{each.setting: each.value(drawn)})
+
+
+def test_names_and_limits_narrow_the_space():
+    found = space(QLearning(), "learning-rate", "discount=0.9:0.999", "passes=1:3", "trace=0:0.5")
+    assert list(found) == ["learning_rate", "discount", "passes", "trace"]
+    assert found["discount"] == Range(
+        "discount", (), pytest.approx(0.001), pytest.approx(0.1), "gap"
+    )
+    assert found["passes"][2:] == (1, 3, "int")
+    assert found["trace"][2:] == (0, 0.5, "float")
+    assert "trace" not in space(QLearning(), fixed=["trace"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("tempo", "search is 'tempo'; the setting must be one of learning_rate, discount"),
+        ("x_edges", "search is 'x_edges'; it has no range of its own"),
+        ("discount=0.9", "search is 'discount=0.9'; it must be NAME=LOW:HIGH"),
+        ("discount=a:b", "search is 'discount=a:b'; it must be NAME=LOW:HIGH"),
+        ("discount=0.9:0.8", "search is 'discount=0.9:0.8'; it must be a number from LOW"),
+        ("mirrored=0:1", "search is 'mirrored=0:1'; it must be a number"),
+        ("discount=0.9:1.5", "discount is 1.5; it must be a number, at least 0 and at most 1"),
+        ("trace", "search is 'trace'; the same setting is fixed"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_searched_is_refused(text, message):
+    with pytest.raises(UprightError) as error:
+        search_space(QLearning(), [text], fixed=["trace"])
+    assert str(error.value).startswith(message)
+
+
+# ------------------------------------------------------------------------------ what is measured
+
+
+def test_a_candidate_is_worth_its_mean_trials_with_failures_at_their_limit(tmp_path):
+    look = wanted(runs=5, trials=2)
+    found = search(look, 1, tmp_path / "tune")
+    assert found.settings == look.cases[0].settings, "the first candidate is what it begins with"
+    results = [make_run(case, search_seed(0), run)[1] for case in look.cases for run in range(5)]
+    assert not all(result.success for result in results)
+    assert found.mean_trials == np.mean([r.trials if r.success else 2 for r in results])
+    assert all(r.trials == 2 for r in results if not r.success)
+
+
+def test_the_best_is_the_least_of_the_finished(whole):
+    found, path = whole
+    rows = tried(path)
+    assert found.candidates == len(rows) == 14
+    assert found.given_up == sum(state == "PRUNED" for state, *_ in rows) > 0
+    assert found.mean_trials == min(value for state, _, value in rows if state == "COMPLETE")
+
+
+def test_no_run_has_a_seed_of_a_table(tmp_path, monkeypatch):
+    """Recorded where random numbers are made."""
+    import upright.study
+
+    seeds = {}
+    made = upright.study.random_numbers
+
+    def record(seed, run):
+        seeds.setdefault(seed, set()).add(run)
+        return made(seed, run)
+
+    monkeypatch.setattr(upright.study, "random_numbers", record)
+    look = wanted(seed=7)
+    found = search(look, 3, tmp_path / "tune")
+    assert seeds == {search_seed(7): set(range(4))}
+    validate(look, found.settings, 6)
+    assert seeds == {search_seed(7): set(range(4)), validation_seed(7): set(range(6))}
+    assert min(seeds) >= SEEDS
+
+
+def test_seeds_of_searches_and_of_validations_never_meet():
+    ends = (0, SEEDS - 1)
+    assert SEEDS <= search_seed(ends[0]) < search_seed(ends[1]) < validation_seed(ends[0])
+    for seed in (-1, SEEDS):
+        with pytest.raises(UprightError, match=r"^seed is "):
+            wanted(seed=seed)
+
+
+def test_the_best_is_measured_again_beside_the_start():
+    look = wanted()
+    better = RandomSearch(x_scale=9.0)
+    tuned, start = validate(look, better, 10)
+    for settings, worth in ((better, tuned), (look.cases[0].settings, start)):
+        cases = [replace(case, settings=settings) for case in look.cases]
+        runs = [make_run(case, validation_seed(0), run)[1] for case in cases for run in range(10)]
+        assert worth.mean_trials == np.mean([r.trials for r in runs])
+        assert worth.ci95[0] < worth.mean_trials < worth.ci95[1]
+        assert (worth.successes, worth.runs) == (sum(r.success for r in runs), 20)
+
+
+def test_candidates_that_are_not_allowed_are_given_up(tmp_path, monkeypatch):
+    @dataclass(frozen=True)
+    class Picky(RandomSearch):
+        def __post_init__(self):
+            scales = (self.x_scale, self.theta_scale)
+            changed = sum(a != b for a, b in zip(scales, (2.4, math.radians(6)), strict=True))
+            require("changes", changed, 0, 1)
+
+    look = wanted()
+    case = replace(look.cases[0], settings=Picky())
+    picky = Search((case,), tuple(search_space(Picky(), ["x_scale", "theta_scale"])), 4, 0)
+    found = search(picky, 3, tmp_path / "tune")
+    assert found == (Picky(), found.mean_trials, 3, 2)
+
+
+# ------------------------------------------------------------------------------ going on
+
+
+def test_another_seed_gives_another_search(whole, tmp_path):
+    search(wanted(seed=1), 2, tmp_path / "tune")
+    rows = tried(tmp_path / "tune")
+    assert rows[0][1] == tried(whole[1])[0][1], "the start"
+    assert rows[1][1] != tried(whole[1])[1][1]
+
+
+def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
+    """The same candidates, drawn at random or from those before, and the same end."""
+    heard = []
+
+    def interrupt(standing):
+        heard.append(standing)
+        if standing[:2] == stop:
+            raise KeyboardInterrupt
+
+    for stop in ((0, 0), (0, 2), (6, 0), (11, 1)):
+        with pytest.raises(KeyboardInterrupt):
+            search(wanted(), 14, tmp_path / "tune", interrupt)
+        assert len(tried(tmp_path / "tune")) == stop[0]
+    heard.clear()
+    stop = None
+    assert search(wanted(), 14, tmp_path / "tune", interrupt) == whole[0]
+    assert min(standing.finished for standing in heard) == 11
+    assert heard[-1] == (14, 0, whole[0].mean_trials)
+    assert tried(tmp_path / "tune") == tried(whole[1])
+
+
+def test_a_finished_search_makes_no_run(whole, monkeypatch):
+    monkeypatch.setattr(tune, "study", None)
+    assert search(wanted(), 14, whole[1]) == whole[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"runs": 5}, "runs"),
+        ({"seed": 1}, "seed"),
+        ({"steps": 301}, "steps"),
+        ({"noises": ("none",)}, "noise"),
+        ({"search": ["x_scale"]}, "space"),
+    ],
+    ids=str,
+)
+def test_a_store_of_another_search_is_refused(change, said, tmp_path):
+    search(wanted(), 1, tmp_path / "tune")
+    with pytest.raises(UprightError, match=f"another search, which differs in: {said};"):
+        search(wanted(**change), 2, tmp_path / "tune")
+
+
+def test_a_store_of_another_rule_is_refused(tmp_path, monkeypatch):
+    search(wanted(), 1, tmp_path / "tune")
+    monkeypatch.setattr(tune, "rule_version", lambda agent: "another")
+    with pytest.raises(UprightError, match="differs in: rule;"):
+        search(wanted(), 2, tmp_path / "tune")
+
+
+def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
+    (tmp_path / "text").write_text("not a database")
+    Store(tmp_path / "runs").close()
+    for name, said in (("text", "not a database"), ("runs", "another program"), ("a/b", "folder")):
+        before = (tmp_path / name).read_bytes() if (tmp_path / name).exists() else None
+        with pytest.raises(UprightError, match=said):
+            search(wanted(), 1, tmp_path / name)
+        assert ((tmp_path / name).read_bytes() if before else None) == before
+
+
+# ------------------------------------------------------------------------------ saying it
+
+
+@pytest.mark.parametrize("label", ["default", "as-published"])
+@pytest.mark.parametrize("agent", ["q-learning", "ase-ace", "reinforce"])
+def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
+    start = named_settings(agent)[label]
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        drawn = {
+            each.setting: each.value(
+                rng.choice(each.choices).item()
+                if each.choices
+                else each.low + (each.high - each.low) * rng.random()
+                if each.kind != "int"
+                else int(rng.integers(each.low, each.high + 1))
+            )
+            for each in search_space(start)
+        }
+        settings = replace(start, **drawn)
+        options = as_options(settings, start)
+        texts = dict(option.removeprefix("--set ").strip("'").split("=") for option in options)
+        assert change_settings(start, texts) == settings
+        scope = {}
+        exec(as_python(settings).replace("\n\n", "\n\nmade = "), scope)
+        assert scope["made"] == settings
+
+
+def test_tuples_are_quoted_for_the_shell():
+    assert as_options(AseAce(x_edges=(-1.5, 1.5)), AseAce()) == ["--set 'x_edges=(-1.5, 1.5)'"]
+
+
+# ------------------------------------------------------------------------------ the command
+
+LINE = "tune random-search --steps 300 --noises none --runs 4 --candidates 8 --validation-runs 9"
+
+
+def test_tune_prints_what_was_found_and_goes_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for candidates in (8, 10):
+        line = [*LINE.split(), "--candidates", str(candidates), "--set", "x_scale=2.0"]
+        assert run([*line, "--search", "theta_scale", "--search", "x_dot_scale"]) == 0
+        shown = capsys.readouterr().out
+        assert f"best of {candidates} candidates" in shown
+        assert "a failed one counted as 1,000" in shown
+        assert shown.count("9 of 9 runs succeeded") == 2
+        assert "upright learn random-search --set x_scale=2.0" in shown
+        assert "\nRandomSearch(x_scale=2.0" in shown
+    assert len(tried(tmp_path / "tune-random-search.sqlite")) == 10
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("--candidates 0", "candidates is 0"),
+        ("--runs 0", "runs is 0"),
+        ("--validation-runs 0", "runs is 0"),
+        (
+            "--seed 1000000",
+            "seed is 1000000; it must be a whole number, at least 0 and at most 999",
+        ),
+        ("--noises loud", "'loud'"),
+        ("--search tempo", "'tempo'"),
+        ("--set x_scale=2 --search x_scale", "the same setting is fixed"),
+        ("--set x_scale", "NAME=VALUE"),
+        ("--store missing/tune", "folder"),
+    ],
+)
+def test_bad_use_is_one_clear_line_and_changes_nothing(more, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run([*LINE.split(), *more.split()]) == BAD_USE
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_teaches_by_example_and_loads_no_optuna(capsys):
+    with pytest.raises(SystemExit):
+        run(["tune", "--help"])
+    shown = capsys.readouterr().out
+    assert "examples:\n  upright tune q-learning" in shown
+    code = "import sys; from upright.cli import run\ntry: run(['tune', '--help'])\n"
+    code += "except SystemExit: print({'optuna', 'numpy', 'numba'} & set(sys.modules))"
+    assert python(code).stdout.endswith("set()\n")
+
+
+def test_without_optuna_one_line_says_how_to_get_it():
+    code = "import sys; sys.modules['optuna'] = None\nfrom upright.cli import run\n"
+    ended = python(code + "raise SystemExit(run(['tune', 'q-learning']))")
+    assert ended.returncode == BAD_USE
+    assert ended.stderr == "upright: error: tuning needs Optuna: pip install 'upright[tune]'\n"
+
+
+def candidates_kept(path) -> Iterator[int]:
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        try:
+            yield len(tried(path))
+        except sqlite3.OperationalError:  # the tables are still to be made
+            yield 0
+        time.sleep(0.02)
+
+
+def test_an_interrupt_says_how_to_go_on(tmp_path):
+    program = "from upright.cli import main; main()"
+    command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"TERM": "dumb"}
+    )
+    next(count for count in candidates_kept(tmp_path / "tune-random-search.sqlite") if count > 2)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert "finished candidates are kept in tune-random-search.sqlite; the same command" in error
+    assert "Traceback" not in error
