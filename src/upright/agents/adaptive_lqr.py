@@ -54,25 +54,25 @@ class AdaptiveLQR:
     """h: how many of the last measurements and pushes a prediction rests on."""
     ridge: float = 1e-4
     """Squares of measurements that must be seen to outweigh the prior belief."""
-    push_ridge: float = 1e-4
+    push_ridge: float = 1e-3
     """The same for pushes (which are ±1)."""
     ridge_growth: float = 2.0
     """How much firmer the belief is for each step further back."""
-    x_cost: float = 1.0
+    x_cost: float = 0.3
     """What one square metre off the middle costs each step: Q, like the next three."""
-    x_dot_cost: float = 0.1
+    x_dot_cost: float = 0.05
     """What the square of a velocity of 1 m/s costs."""
-    theta_cost: float = 1.0
+    theta_cost: float = 10.0
     """What the square of an angle of 1 rad costs."""
-    theta_dot_cost: float = 0.1
+    theta_dot_cost: float = 0.5
     """What the square of an angular velocity of 1 rad/s costs."""
-    effort: float = 0.01
+    effort: float = 0.1
     """What the square of a push costs; the design takes pushes of any size for possible."""
-    horizon: int = 40
+    horizon: int = 50
     """Over how many steps costs are minimised."""
-    exploration: float = 0.05
+    exploration: float = 0.015
     """Probability of a random push while learning."""
-    settled: int = 10_000
+    settled: int = 2_000
     """After so many steps of a trial the agent neither explores nor learns until the next."""
     kept_samples: float = 200.0
     """After a fall, what was learned counts for so many samples at most."""
