@@ -13,12 +13,12 @@ from upright import __version__
 from upright.agents import AGENTS
 from upright.cartpole import Parameters
 from upright.errors import UprightError
-from upright.files import write_file
+from upright.files import check_output, write_file
 from upright.progress import study_with_progress
 from upright.published import CASES, SOURCES, TRIALS
 from upright.report import Row, Table, number, summarise_all, to_json, to_markdown
 from upright.store import Store
-from upright.study import make_case
+from upright.study import Case, check_study, make_case
 
 STARTS_SHOWN = {
     "random": "Start within ±0.05",
@@ -53,10 +53,7 @@ class Study(NamedTuple):
 
 def make_rows(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, list[Row]]:
     """Make the runs that are missing, and return the row of every agent for each column."""
-    cases = {
-        title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
-        for title, task in columns.items()
-    }
+    cases = _cases(study, columns)
     with Store(study.store) as store:
         all_cases = [case for some in cases.values() for case in some]
         study_with_progress(all_cases, study.runs, study.seed, store)
@@ -64,6 +61,13 @@ def make_rows(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, lis
             title: summarise_all(some, study.runs, study.seed, store)
             for title, some in cases.items()
         }
+
+
+def _cases(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, list[Case]]:
+    return {
+        title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
+        for title, task in columns.items()
+    }
 
 
 def ranks(rows: Sequence[Row]) -> list[int]:
@@ -184,17 +188,26 @@ Where fewer than 95 % of the runs succeed:
 def _measure(
     path: Path | str, study: Study, columns: dict[str, dict[str, str]], say: Callable[[str], None]
 ) -> dict[str, list[Row]]:
-    """Make the folders, measure, and write the figures beside the board."""
+    """Make the folders, measure, and write the figures beside the board.
+
+    What cannot be measured or written is refused before anything is made.
+    """
     path = Path(path)
+    check_study(study.runs, study.seed)
+    _cases(study, columns)
     for folder in {path.parent, Path(study.store or path).parent}:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             why = f"a folder cannot be made there: {error.strerror}"
             raise UprightError(f"output is {str(folder)!r}; {why}") from None
+    figures = check_output(path).with_suffix(".json")
+    if figures == path:
+        raise UprightError(f"output is {str(path)!r}; the figures go there, the board elsewhere")
+    check_output(figures)
     say(f"{len(study.agents)} agents × {len(columns)} tasks × {study.runs} runs, seed {study.seed}")
     rows = make_rows(study, columns)
-    write_file(path.with_suffix(".json"), to_json([row for some in rows.values() for row in some]))
+    write_file(figures, to_json([row for some in rows.values() for row in some]))
     return rows
 
 
