@@ -101,6 +101,8 @@ def make_case(agent: str, label: str = "default", **task: Any) -> Case:
     """
     require_one_of("settings", label, ("default", "as-published"))
     settings = named_settings(agent)
+    if is_outside(agent):
+        rule_version(agent)  # now: the file may change once it is imported
     label = label if label in settings else "default"
     return Case(agent, label, settings[label], **task)
 
@@ -126,7 +128,8 @@ def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
     """Return the loop for an agent: compiled with it, or in Python if it is not compiled."""
     if not is_compiled(agent):
         return trials.run
-    return trials.outside_run if is_outside(case.agent) else trials.compiled_run
+    kind: Any = type(agent)
+    return trials.outside_run(kind) if is_outside(case.agent) else trials.compiled_run
 
 
 def make_run(
