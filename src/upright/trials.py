@@ -128,7 +128,7 @@ compiled_run = compiled(run)
 
 
 @cache
-def outside_run(kind: type) -> Compiled:
+def outside_run(kind: type) -> Compiled:  # noqa: ARG001 - the cache tells kinds apart by it
     """Return the loop for a compiled agent from outside, whose changes no cache would notice.
 
     Every kind of agent has its own: called from Python, a compiled function tells NamedTuples apart
