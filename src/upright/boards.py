@@ -15,7 +15,7 @@ from upright.cartpole import Parameters
 from upright.errors import UprightError
 from upright.files import check_output, write_file
 from upright.progress import study_with_progress
-from upright.published import CASES, SOURCES, TRIALS
+from upright.published import CASES, SOURCES, STEPS, TRIALS
 from upright.report import Row, Table, number, summarise_all, to_json, to_markdown
 from upright.store import Store
 from upright.study import Case, check_study, make_case
@@ -36,6 +36,10 @@ ROBUST: dict[str, dict[str, str]] = {
 """The columns of the robust suite."""
 
 
+USUAL_STEPS = {"leaderboard": 600_000, "robust": STEPS}
+"""N of each command's board unless told otherwise: Si & Wang's form, and the report's."""
+
+
 class Study(NamedTuple):
     """What a board is made of, besides its columns."""
 
@@ -45,7 +49,7 @@ class Study(NamedTuple):
     """Runs of each case."""
     seed: int = 0
     """Of the study."""
-    steps: int = 600_000
+    steps: int = USUAL_STEPS["leaderboard"]
     """N: steps of a successful trial."""
     store: Path | str | None = None
     """Where finished runs are kept; without one, they are lost when interrupted."""
@@ -213,7 +217,7 @@ def _measure(
 
 def _made(study: Study, command: str) -> str:
     options = {"agents": ",".join(study.agents), "runs": study.runs, "steps": study.steps}
-    usual = Study()
+    usual = Study(steps=USUAL_STEPS[command])
     usual_options = {"agents": ",".join(usual.agents), "runs": usual.runs, "steps": usual.steps}
     told = [f"--{name} {value}" for name, value in options.items() if value != usual_options[name]]
     words = " ".join(["upright", command, *told, f"--seed {study.seed}"])
