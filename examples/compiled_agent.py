@@ -3,8 +3,8 @@
     upright table --agents examples.compiled_agent:hill_climber,random-search --noises none
 
 The policy is linear. Each trial tries the best weights so far, changed a little at random, and
-keeps them if the pole stood longer. The rules for compiled methods: numbers that change live in arrays,
-and arrays are allocated when the agent is made.
+keeps them if the pole stood longer. The rules for compiled methods: numbers that change live in
+arrays, and arrays are allocated when the agent is made.
 """
 
 from typing import NamedTuple

@@ -12,6 +12,8 @@ from upright.cartpole import Parameters, State, equations
 
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)
+HARD_START = State(2.0, 1.0, 0.2, 1.0)
+"""Half-widths of a start from which nobody balances always, so that trials differ."""
 
 
 class RecordingPlant:

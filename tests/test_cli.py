@@ -11,7 +11,13 @@ import pytest
 
 from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
 
-UPRIGHT = [sys.executable, "-c", "from upright.cli import main; main()"]
+UPRIGHT = [
+    sys.executable,
+    "-c",
+    # What a shell starts in the background ignores Ctrl-C, and so do the processes it starts.
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    "from upright.cli import main; main()",
+]
 QUICK = ["--steps", "300", "--agents", "random-search"]
 
 

@@ -12,7 +12,6 @@ from upright.agents.reinforce import (
     fit_baseline,
     set_advantages,
     set_gradient,
-    solve,
 )
 from upright.cartpole import State
 from upright.errors import UprightError
@@ -204,15 +203,6 @@ def test_the_baseline_is_a_ridge_regression_that_forgets():
         augmented = np.vstack([rows, math.sqrt(ridge) * np.eye(11)])
         expected = np.linalg.lstsq(augmented, np.concatenate([targets, np.zeros(11)]))[0]
         assert agent.baseline.coefficients == pytest.approx(expected, rel=1e-6, abs=1e-9)
-
-
-def test_solve_is_a_linear_solver():
-    rng = np.random.default_rng(9)
-    root = rng.normal(size=(11, 11))
-    matrix, right_side = root @ root.T + 0.1 * np.eye(11), rng.normal(size=11)
-    solution = np.zeros(11)
-    solve(matrix, right_side, np.zeros((11, 11)), solution)
-    assert solution == pytest.approx(np.linalg.solve(matrix, right_side), rel=1e-9)
 
 
 # ------------------------------------------------------------------------------ gradient

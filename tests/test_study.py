@@ -189,7 +189,7 @@ def test_a_rule_covers_the_files_that_agents_share(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"agent": "sarsa"}, "agent is 'sarsa'; it must be one of reinforce"),
+        ({"agent": "sarsa"}, "agent is 'sarsa'; it must be one of adaptive-lqr, reinforce"),
         ({"noise": "loud"}, "noise is 'loud'; it must be one of none"),
         ({"start": "low"}, "start is 'low'; it must be one of random, zero"),
         ({"integrator": "rk5"}, "integrator is 'rk5'; it must be one of euler"),

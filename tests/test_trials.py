@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import (
     GOOD_WEIGHTS,
+    HARD_START,
     POOR_WEIGHTS,
     LinearAgent,
     RecordingPlant,
@@ -40,7 +41,7 @@ def go(run, agent, plant, task, seed=1, stop=False):
 )
 def test_the_compiled_loop_is_the_python_loop(name, settings, noise):
     """The same trial lengths, and the same memory to the last bit."""
-    task = make_task(noise=noise, steps=300, trials=8)
+    task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)
     outcomes = []
     for either in (run, compiled_run):
         agent = named_settings(name)[settings].agent(np.random.default_rng(4))

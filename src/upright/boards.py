@@ -13,12 +13,12 @@ from upright import __version__
 from upright.agents import AGENTS
 from upright.cartpole import Parameters
 from upright.errors import UprightError
-from upright.files import write_file
+from upright.files import check_output, write_file
 from upright.progress import study_with_progress
-from upright.published import CASES, SOURCES, TRIALS
+from upright.published import CASES, SOURCES, STEPS, TRIALS
 from upright.report import Row, Table, number, summarise_all, to_json, to_markdown
 from upright.store import Store
-from upright.study import make_case
+from upright.study import Case, check_study, make_case
 
 STARTS_SHOWN = {
     "random": "Start within ±0.05",
@@ -36,6 +36,10 @@ ROBUST: dict[str, dict[str, str]] = {
 """The columns of the robust suite."""
 
 
+USUAL_STEPS = {"leaderboard": 600_000, "robust": STEPS}
+"""N of each command's board unless told otherwise: Si & Wang's form, and the report's."""
+
+
 class Study(NamedTuple):
     """What a board is made of, besides its columns."""
 
@@ -45,7 +49,7 @@ class Study(NamedTuple):
     """Runs of each case."""
     seed: int = 0
     """Of the study."""
-    steps: int = 600_000
+    steps: int = USUAL_STEPS["leaderboard"]
     """N: steps of a successful trial."""
     store: Path | str | None = None
     """Where finished runs are kept; without one, they are lost when interrupted."""
@@ -53,10 +57,7 @@ class Study(NamedTuple):
 
 def make_rows(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, list[Row]]:
     """Make the runs that are missing, and return the row of every agent for each column."""
-    cases = {
-        title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
-        for title, task in columns.items()
-    }
+    cases = _cases(study, columns)
     with Store(study.store) as store:
         all_cases = [case for some in cases.values() for case in some]
         study_with_progress(all_cases, study.runs, study.seed, store)
@@ -64,6 +65,13 @@ def make_rows(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, lis
             title: summarise_all(some, study.runs, study.seed, store)
             for title, some in cases.items()
         }
+
+
+def _cases(study: Study, columns: dict[str, dict[str, str]]) -> dict[str, list[Case]]:
+    return {
+        title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
+        for title, task in columns.items()
+    }
 
 
 def ranks(rows: Sequence[Row]) -> list[int]:
@@ -184,23 +192,32 @@ Where fewer than 95 % of the runs succeed:
 def _measure(
     path: Path | str, study: Study, columns: dict[str, dict[str, str]], say: Callable[[str], None]
 ) -> dict[str, list[Row]]:
-    """Make the folders, measure, and write the figures beside the board."""
+    """Make the folders, measure, and write the figures beside the board.
+
+    What cannot be measured or written is refused before anything is made.
+    """
     path = Path(path)
+    check_study(study.runs, study.seed)
+    _cases(study, columns)
     for folder in {path.parent, Path(study.store or path).parent}:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             why = f"a folder cannot be made there: {error.strerror}"
             raise UprightError(f"output is {str(folder)!r}; {why}") from None
+    figures = check_output(path).with_suffix(".json")
+    if figures == path:
+        raise UprightError(f"output is {str(path)!r}; the figures go there, the board elsewhere")
+    check_output(figures)
     say(f"{len(study.agents)} agents × {len(columns)} tasks × {study.runs} runs, seed {study.seed}")
     rows = make_rows(study, columns)
-    write_file(path.with_suffix(".json"), to_json([row for some in rows.values() for row in some]))
+    write_file(figures, to_json([row for some in rows.values() for row in some]))
     return rows
 
 
 def _made(study: Study, command: str) -> str:
     options = {"agents": ",".join(study.agents), "runs": study.runs, "steps": study.steps}
-    usual = Study()
+    usual = Study(steps=USUAL_STEPS[command])
     usual_options = {"agents": ",".join(usual.agents), "runs": usual.runs, "steps": usual.steps}
     told = [f"--{name} {value}" for name, value in options.items() if value != usual_options[name]]
     words = " ".join(["upright", command, *told, f"--seed {study.seed}"])

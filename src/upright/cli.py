@@ -423,7 +423,10 @@ def learn(options: argparse.Namespace) -> int:
 
         check_picture(options.plot)
     if options.save:
+        from upright.policy import check_policy
+
         check_output(options.save)
+        check_policy(case)
     memory, result = watch_run(case, options.seed, options.run, quiet=options.quiet)
     if options.plot:
         title = f"{case.agent}, {case.noise}, seed {options.seed}, run {options.run}"
@@ -527,9 +530,7 @@ def reproduce(options: argparse.Namespace) -> int:
 def board(options: argparse.Namespace) -> int:
     """Carry out `upright leaderboard` and `upright robust`."""
     from upright import boards
-    from upright.study import check_study
 
-    check_study(options.runs, options.seed)
     agents = _split(options.agents)
     study = boards.Study(agents, options.runs, options.seed, options.steps, options.store)
     with _telling_what_is_kept(options.store):
@@ -577,14 +578,11 @@ def plot(options: argparse.Namespace) -> int:
 
 def agents(options: argparse.Namespace) -> int:
     """Carry out `upright agents`."""
-    from importlib import import_module
-
-    from upright.agents import describe_settings, named_settings
+    from upright.agents import describe_settings, named_settings, summarise_agent
 
     for agent in [options.agent] if options.agent else AGENTS:
         named = named_settings(agent)
-        summary = (import_module(AGENTS[agent]).__doc__ or "").splitlines()[0]
-        print(f"{agent}: {summary}")
+        print(f"{agent}: {summarise_agent(agent)}")
         if not options.agent:
             continue
         for setting, text in describe_settings(named["default"]).items():

@@ -12,6 +12,7 @@
 import functools
 import hashlib
 import os
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -125,6 +126,32 @@ def inlined(function: F) -> F:
 def is_compiled(thing: object) -> bool:
     """Whether `thing` is a NamedTuple with compiled methods, which compiled code can call."""
     return any(isinstance(member, Compiled) for member in vars(type(thing)).values())
+
+
+HINTS = {
+    "NRT required": "it allocates memory; arrays are allocated when the agent is made",
+    "Only accept returning of array": "it allocates an array; that is done when the agent is made",
+    "Untyped global name 'method'": "a method that the loop calls is not under @compiled",
+    "No definition for lowering": "fields cannot change; a number that does lives in an array",
+}
+"""What the commonest complaints of Numba mean here."""
+
+
+def explain(error: Exception) -> str:
+    """Return in one line why something did not compile: Numba's last words, and where that is."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    failures = [i for i, line in enumerate(lines) if "Failed in nopython mode" in line]
+    words = lines[failures[-1] + 1 if failures else 0 :][:2] or [repr(error)]
+    reason = words[0]
+    if words[-1].startswith(">>>"):
+        reason = f"{reason} {words[1].removeprefix('>>>').strip()}"
+    reason += "".join(f" ({hint})" for sign, hint in HINTS.items() if sign in reason)
+    places = re.findall(r'(?: at |File ")(\S[^"\n]*?\.py)"?(?:, line | \()(\d+)', str(error))
+    for file, line in places:
+        parents = Path(file).resolve().parents
+        if PACKAGE not in parents and Path(numba.__file__).parent not in parents:
+            return f"{reason}, {Path(file).name} line {line}"
+    return reason
 
 
 CALLED_BY_THE_LOOP = (

@@ -197,8 +197,9 @@ def play(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
 
 def plot_phases(policy: Policy) -> Figure:
     """Draw the phase portraits of cart and pole over some seconds of balancing."""
-    noise, start = policy.task["noise"], policy.task["start"]
-    task = make_task(noise, start, PORTRAIT_STEPS, integrator=policy.task["integrator"])
+    names = ("noise", "start", "integrator", "condition")
+    parts = {name: policy.task[name] for name in names if name in policy.task}
+    task = make_task(steps=PORTRAIT_STEPS, **parts)
     states = play(policy, task)
     seconds = np.arange(len(states)) * task.parameters.time_step
     figure = Figure((9.4, 4.2), layout="constrained")

@@ -28,7 +28,7 @@ class Policy:
     memory: Any
     """Its memory."""
     task: dict[str, Any]
-    """What it learned on: noise, start, steps, integrator, seed and run."""
+    """What it learned on: noise, start, steps, integrator, condition, seed and run."""
 
     def __post_init__(self) -> None:
         """Stand at the beginning of a trial."""
@@ -60,9 +60,25 @@ class Policy:
         """Learn nothing."""
 
 
+def check_policy(case: Case) -> None:
+    """Make sure that what the case's agent learns can be saved.
+
+    Raises
+    ------
+    UprightError
+        If its memory is no NamedTuple, or it cannot tell the probability of a push.
+    """
+    agent = case.settings.agent(np.random.default_rng(0))
+    if not (hasattr(agent, "_asdict") and callable(getattr(agent, "push_probability", None))):
+        raise UprightError(
+            f"agent is {case.agent!r}; its policy cannot be saved: that takes a NamedTuple of "
+            "arrays with the method push_probability(observation)"
+        )
+
+
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
-    names = ("noise", "start", "steps", "integrator")
+    names = ("noise", "start", "steps", "integrator", "condition")
     task = {name: getattr(case, name) for name in names} | {"seed": seed, "run": run}
     return Policy(case.agent, memory, task)
 
@@ -95,7 +111,10 @@ def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
 
 
 def load_policy(path: Path | str) -> Policy:
-    """Read a policy from a file. Nothing in the file is executed.
+    """Read a policy from a file.
+
+    Nothing in the file is executed. Of an agent from outside it holds the name, and the module of
+    this name is imported.
 
     Raises
     ------
@@ -117,7 +136,15 @@ def load_policy(path: Path | str) -> Policy:
                 if archive[name].shape != array.shape:
                     raise ValueError(f"{name} has another shape")
                 array[...] = archive[name]
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,  # an agent from outside is no NamedTuple any more
+        EOFError,
+        zipfile.BadZipFile,
+    ) as error:
         raise UprightError(f"policy is {str(path)!r}; it cannot be read: {error}") from None
     return Policy(header["agent"], memory, header["task"])
 

@@ -13,20 +13,19 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     as_completed,
 )
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
 from os import cpu_count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba.core.errors import NumbaError
 
 from upright import trials
 from upright.agents import AGENTS, Settings, is_outside, named_settings, restore_settings
 from upright.agents.outside import Outside
 from upright.cartpole import equations
-from upright.compiled import is_compiled, sources_hash
+from upright.compiled import explain, is_compiled, sources_hash
 from upright.errors import UprightError, require, require_one_of
 from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
@@ -61,7 +60,8 @@ class Case:
 
     def __post_init__(self) -> None:
         """Refuse a case that cannot be run."""
-        require_one_of("agent", self.agent, [*AGENTS, getattr(self.settings, "agent_name", "")])
+        outside = getattr(self.settings, "agent_name", "module:name")
+        require_one_of("agent", self.agent, [*AGENTS, outside])
         self.task()
 
     def task(self) -> Task:
@@ -101,6 +101,8 @@ def make_case(agent: str, label: str = "default", **task: Any) -> Case:
     """
     require_one_of("settings", label, ("default", "as-published"))
     settings = named_settings(agent)
+    if is_outside(agent):
+        rule_version(agent)  # now: the file may change once it is imported
     label = label if label in settings else "default"
     return Case(agent, label, settings[label], **task)
 
@@ -126,7 +128,8 @@ def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
     """Return the loop for an agent: compiled with it, or in Python if it is not compiled."""
     if not is_compiled(agent):
         return trials.run
-    return trials.outside_run if is_outside(case.agent) else trials.compiled_run
+    kind: Any = type(agent)
+    return trials.outside_run(kind) if is_outside(case.agent) else trials.compiled_run
 
 
 def make_run(
@@ -164,8 +167,12 @@ def make_run(
     loop = choose_loop(case, agent)
     try:
         loop(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
-    except NumbaError as error:
-        raise UprightError(f"agent is {case.agent!r}; it cannot be compiled: {error}") from None
+    except Exception as error:
+        if not is_outside(case.agent):
+            raise
+        # No trial was made, so whatever went wrong is the compilation.
+        why = f"it cannot be compiled: {explain(error)}"
+        raise UprightError(f"agent is {case.agent!r}; {why}") from error
     began = time.perf_counter()
     success = loop(agent, plant, task, rng, lengths, stop) > 0
     seconds = time.perf_counter() - began
@@ -175,6 +182,9 @@ def make_run(
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
+    # `case.key` came with the case; a new process has imported the agent anew.
+    if replace(case).key != case.key:
+        raise UprightError(f"agent is {case.agent!r}; its source changed after it was imported")
     return make_run(case, seed, run, stop=stop)[1]
 
 
@@ -215,6 +225,7 @@ def study(
     check_study(runs, seed)
     stop = np.zeros(1, np.bool_)
     cases = list(cases)
+    others = set(multiprocessing.active_children())
     workers = executor or _workers(cases)
     futures: dict[Future[Result | None], Case] = {}
     try:
@@ -231,7 +242,7 @@ def study(
         for future in futures:
             future.cancel()
         if executor is None:
-            for process in multiprocessing.active_children():
+            for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
         raise
     finally:

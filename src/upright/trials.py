@@ -5,6 +5,7 @@ compiled, it moves the equations and the package's agents at millions of steps a
 seed gives the same trial lengths either way.
 """
 
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -124,5 +125,14 @@ def run(
 
 compiled_run = compiled(run)
 """For the package's own agents: its machine code is kept on disk."""
-outside_run = Compiled(run, kept=False)
-"""For compiled agents from outside, whose changes the package would not notice."""
+
+
+@cache
+def outside_run(kind: type) -> Compiled:  # noqa: ARG001 - the cache tells kinds apart by it
+    """Return the loop for a compiled agent from outside, whose changes no cache would notice.
+
+    Every kind of agent has its own: called from Python, a compiled function tells NamedTuples apart
+    by the names of the class and its fields and by their types alone, and would take an agent for
+    another of the same form. (Within the package, a test compares them.)
+    """
+    return Compiled(run, kept=False)

@@ -11,6 +11,8 @@ from upright.errors import UprightError, require_one_of
 if TYPE_CHECKING:
     import numpy as np
 
+    from upright.agents.outside import Outside
+
 AGENTS = {
     "adaptive-lqr": "upright.agents.adaptive_lqr",
     "reinforce": "upright.agents.reinforce",
@@ -47,26 +49,50 @@ def named_settings(agent: str) -> dict[str, Settings]:
     Raises
     ------
     UprightError
-        If there is no such agent.
+        If there is no such agent, or it is none.
     """
     if is_outside(agent):
-        from upright.agents.outside import Outside
+        from numpy.random import default_rng
 
-        return {"default": Outside(agent)}
+        outside = _outside(agent)
+        outside.agent(default_rng(0))
+        return {"default": outside}
     require_one_of("agent", agent, [*AGENTS, "module:name"])
     settings: dict[str, Settings] = import_module(AGENTS[agent]).SETTINGS
     return settings
 
 
+def _outside(agent: str) -> "Outside":
+    from upright.agents.outside import Outside
+
+    return Outside(agent)
+
+
+def summarise_agent(agent: str) -> str:
+    """Return what an agent is, in one line.
+
+    Raises
+    ------
+    UprightError
+        If there is no such agent.
+    """
+    if is_outside(agent):
+        return _outside(agent).summary()
+    require_one_of("agent", agent, [*AGENTS, "module:name"])
+    return (import_module(AGENTS[agent]).__doc__ or "").partition("\n")[0]
+
+
 def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
     """Return the settings that were written to a file as JSON.
+
+    An agent from outside need not be there any more, and is not looked for.
 
     Raises
     ------
     UprightError
         If they are not this agent's, or not allowed.
     """
-    default = named_settings(agent)["default"]
+    default = _outside(agent) if is_outside(agent) else named_settings(agent)["default"]
     if values.keys() != {field.name for field in fields(default)}:
         raise UprightError(f"the settings {', '.join(values)} are not those of {agent}")
     tuples = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}

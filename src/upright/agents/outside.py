@@ -5,6 +5,7 @@ whose constructor takes them, or a function. The agent may be plain Python, whic
 NamedTuple with methods under `upright.compiled.compiled`, which is as fast as the package's own.
 """
 
+import inspect
 import os
 import sys
 from collections.abc import Callable
@@ -33,14 +34,13 @@ METHODS = {
 
 @dataclass(frozen=True)
 class Outside:
-    """Stands in for the settings of an agent from outside, which are its own affair."""
+    """Stands in for the settings of an agent from outside, which are its own affair.
+
+    The agent is looked for when it is needed, not before: what is known of its runs outlives it.
+    """
 
     agent_name: str
     """Where the agent is found: `module:name`."""
-
-    def __post_init__(self) -> None:
-        """Refuse a name that leads to no agent."""
-        self._make()
 
     def agent(self, rng: np.random.Generator) -> Agent:
         """Return a new agent.
@@ -48,9 +48,17 @@ class Outside:
         Raises
         ------
         UprightError
-            If it lacks a method.
+            If there is none of this name, it does not take `rng`, or it lacks a method.
         """
-        agent: Agent = self._make()(rng)
+        make = self._make()
+        try:
+            inspect.signature(make).bind(rng)
+        except TypeError as error:
+            raise UprightError(
+                f"agent is {self.agent_name!r}; it must be made from the run's random numbers "
+                f"alone: {error}"
+            ) from None
+        agent: Agent = make(rng)
         lacking = [text for name, text in METHODS.items() if not callable(getattr(agent, name, 0))]
         if lacking:
             raise UprightError(
@@ -59,9 +67,17 @@ class Outside:
             )
         return agent
 
+    def summary(self) -> str:
+        """Return the first line of what the agent says of itself; empty if it says nothing."""
+        made_by = self._make()
+        return (inspect.getdoc(made_by) or self._module().__doc__ or "").partition("\n")[0]
+
     def source(self) -> Path:
-        """Return the file that the agent is written in."""
-        return Path(str(self._module().__file__))
+        """Return the file of the module that the agent is found in."""
+        file = self._module().__file__
+        if file is None:
+            raise UprightError(f"agent is {self.agent_name!r}; its module has no file")
+        return Path(file)
 
     def _make(self) -> Callable[[np.random.Generator], Any]:
         name = self.agent_name.partition(":")[2]
@@ -76,14 +92,21 @@ class Outside:
     def _module(self) -> ModuleType:
         """Return the module, looked for in the present folder too, as Python itself does."""
         name = self.agent_name.partition(":")[0]
+        if not all(part.isidentifier() for part in name.split(".")):
+            raise UprightError(f"agent is {self.agent_name!r}; {name!r} is no name of a module")
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
         try:
             return import_module(name)
-        except ModuleNotFoundError as error:
-            if error.name and not f"{name}.".startswith(f"{error.name}."):
-                raise  # the module is there, but something that it needs is not
-            raise UprightError(
-                f"agent is {self.agent_name!r}; there is no module {name!r} in this folder or "
-                "where Python looks"
-            ) from None
+        except (ImportError, SyntaxError) as error:
+            if _is_missing(name, error):
+                why = f"there is no module {name!r} in this folder or where Python looks"
+            else:  # the module is there, but not all that it needs, or it is no Python
+                why = f"its module cannot be imported: {error}"
+            raise UprightError(f"agent is {self.agent_name!r}; {why}") from error
+
+
+def _is_missing(name: str, error: Exception) -> bool:
+    """Whether importing the module `name` failed because it, or a package above it, is missing."""
+    missing = getattr(error, "name", None)
+    return isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{missing}.")

@@ -1,0 +1,371 @@
+import json
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from upright import __version__, boards
+from upright.agents import AGENTS
+from upright.boards import ROBUST, Study, board, leaderboard, make_rows, ranks, robust
+from upright.cli import BAD_USE, run
+from upright.errors import UprightError
+from upright.published import CASES, SOURCES
+from upright.report import Row, summarise
+from upright.store import Result, Store
+from upright.study import make_case
+
+SMALL = Study(("q-learning", "random-search"), runs=3, seed=4, steps=200)
+
+
+def row(agent="random-search", low=1.0, high=2.0, mean=1.5, successes=10, runs=10, noise="none"):
+    """Return a row in which all but the given is of no importance."""
+    some = successes > 0
+    return Row(
+        agent=agent,
+        settings="default",
+        noise=noise,
+        start="random",
+        condition="nominal",
+        steps=100,
+        runs=runs,
+        successes=successes,
+        success_rate=successes / runs,
+        success_ci95=(0.0, 1.0),
+        mean_trials=mean if some else None,
+        ci95=(low, high) if some else None,
+        median_trials=mean if some else None,
+        p95_trials=mean if some else None,
+        max_trials=2 if some else None,
+        mean_trials_all_runs=mean,
+        all_runs_ci95=(low, high),
+        steps_simulated=1,
+        seconds=1.0,
+        published={},
+        seed=0,
+    )
+
+
+def cells(line):
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def tables(text):
+    """Return every table of a text in Markdown: its lines, the head first, as lists of cells."""
+    found = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
+    return [[cells(line) for line in table.splitlines() if "---" not in line] for table in found]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a folder with both boards, made small, and what was said meanwhile."""
+    folder, said = tmp_path_factory.mktemp("boards"), []
+    store = folder / "kept" / "runs.sqlite"
+    leaderboard(folder / "new" / "leaderboard.md", SMALL._replace(store=store), said.append)
+    robust(folder / "new" / "robust.md", SMALL._replace(store=store), said.append)
+    return folder, said
+
+
+# ------------------------------------------------------------------------------ ranks
+
+
+@pytest.mark.parametrize(
+    ("intervals", "expected"),
+    [
+        ([(1, 2), (3, 4), (5, 6)], [1, 2, 3]),
+        ([(5, 6), (1, 2), (3, 4)], [3, 1, 2]),
+        ([(1, 3), (2, 4), (5, 6)], [1, 1, 3]),  # two tied, and both before the third
+        ([(1, 2), (2, 3)], [1, 1]),  # touching intervals overlap
+        ([(1, 2), (2.001, 3)], [1, 2]),
+        ([(1, 3), (2, 5), (4, 6)], [1, 1, 2]),  # the one in the middle is tied with both
+        ([(1, 10), (2, 3), (4, 5)], [1, 1, 2]),  # a wide one is better than none of them
+        ([(7, 7), (7, 7)], [1, 1]),
+        ([(1, 2)], [1]),
+    ],
+)
+def test_who_is_strictly_below_is_better_and_who_overlaps_is_tied(intervals, expected):
+    assert ranks([row(low=low, high=high) for low, high in intervals]) == expected
+
+
+def test_ranks_go_by_all_runs():
+    """An agent that fails often is behind, though the runs that succeeded were short."""
+
+    def results(*runs):
+        return [
+            Result(run, success, np.ones(trials, np.int64), 0.1)
+            for run, (trials, success) in enumerate(runs)
+        ]
+
+    case = make_case("random-search")
+    lucky = summarise(case, 0, results((1, True), (2, True), (1000, False), (1000, False)))
+    steady = summarise(case, 0, results((20, True), (21, True), (19, True), (22, True)))
+    assert lucky.mean_trials == 1.5 < steady.mean_trials
+    assert lucky.mean_trials_all_runs == (1 + 2 + 1000 + 1000) / 4
+    low, high = lucky.all_runs_ci95
+    assert 1 <= low < lucky.mean_trials_all_runs < high <= 1000
+    failing = summarise(case, 0, results(*[(1000, False)] * 3, (999, False)))
+    assert failing.mean_trials is None
+    assert ranks([failing, steady]) == [2, 1]
+    assert ranks([steady, failing, steady]) == [1, 3, 1]
+
+
+# ------------------------------------------------------------------------------ a board
+
+
+def test_the_best_agent_stands_first():
+    columns = {
+        "calm": [row("slow", 5, 6), row("quick", 1, 2), row("middling", 3, 4)],
+        "windy": [row("slow", 5, 6), row("quick", 2, 3), row("middling", 1, 1.5)],
+    }
+    (table,) = tables(board(columns))
+    assert table[0] == ["Agent", "Mean rank", "calm", "windy"]
+    assert [line[:2] for line in table[1:]] == [
+        ["`quick`", "1.5"],
+        ["`middling`", "1.5"],
+        ["`slow`", "3.0"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        (row(mean=1.5, low=1, high=2), "**1. 1.50 [1.00, 2.00]**"),
+        (row(mean=1.5, low=1, high=2, successes=7), "**1. 1.50 [1.00, 2.00]** 70 %"),
+        (row(mean=9.5, low=9, high=10), "2. 9.50 [9.00, 10.00]"),
+        (row(mean=9.5, low=9, high=10, successes=9), "2. 9.50 [9.00, 10.00] 90 %"),
+        (row(low=1000, high=1000, mean=1000, successes=0), "2. never"),
+    ],
+)
+def test_a_cell_has_rank_mean_interval_and_the_rate_where_runs_failed(made, expected):
+    other = row("other", 3, 4)
+    (table,) = tables(board({"calm": [made, other]}))
+    assert [line[2] for line in table if line[0] == f"`{made.agent}`"] == [expected]
+
+
+def test_published_lines_stand_below_the_agents():
+    columns = {noise: [row(noise=noise)] for noise in CASES}
+    (table,) = tables(board(columns, published=True))
+    assert {len(line) for line in table} == {2 + len(CASES)}
+    by_source = [(source, table[2 + i]) for i, source in enumerate(SOURCES)]
+    assert len(table) == 2 + len(SOURCES)
+    for source, line in by_source:
+        assert line[0] == f"*{source.name}, {source.runs} runs, N = {source.steps:,}*"
+        figures = [source.mean_trials.get(noise) for noise in CASES]
+        assert line[2:] == ["–" if each is None else f"{each:.2f}" for each in figures]
+
+
+# ------------------------------------------------------------------------------ whole boards
+
+
+def test_the_leaderboard_has_all_cases_agents_and_sources(made):
+    text = (made[0] / "new" / "leaderboard.md").read_text()
+    found = tables(text)
+    assert len(found) == 2
+    for table in found:
+        assert table[0] == ["Agent", "Mean rank", *CASES]
+        assert {line[0] for line in table[1:3]} == {"`q-learning`", "`random-search`"}
+        assert [line[0].split(",")[0] for line in table[3:]] == [f"*{s.name}" for s in SOURCES]
+    assert text.index("## Start within ±0.05") < text.index("## Start exactly upright")
+    for source in SOURCES:
+        assert f"- {source.name}: {source.citation}." in text
+
+
+def test_the_robust_board_has_all_its_columns_and_tells_what_breaks_whom(made):
+    text = (made[0] / "new" / "robust.md").read_text()
+    (table,) = tables(text)
+    assert table[0] == ["Agent", "Mean rank", *ROBUST]
+    rows = json.loads((made[0] / "new" / "robust.json").read_text())
+    broken = text[text.index("## What breaks whom") : text.index("## Settings")]
+    for agent in SMALL.agents:
+        (line,) = (line for line in broken.splitlines() if line.startswith(f"- `{agent}`: "))
+        mine = [each for each in rows if each["agent"] == agent]
+        failing = [
+            f"{title} ({100 * each['success_rate']:.0f} %)"
+            for title, each in zip(ROBUST, mine, strict=True)
+            if each["success_rate"] < 0.95
+        ]
+        assert line == f"- `{agent}`: " + (", ".join(failing) or "nothing")
+
+
+def test_a_board_that_breaks_an_agent_says_so():
+    rows = {"calm": [row("a"), row("b")], "windy": [row("a", successes=9), row("b", runs=10)]}
+    assert boards._broken(rows) == "- `a`: windy (90 %)\n- `b`: nothing"
+
+
+@pytest.mark.parametrize("name", ["leaderboard", "robust"])
+def test_a_board_names_all_that_repeats_it(made, name):
+    text = (made[0] / "new" / f"{name}.md").read_text()
+    command = f"upright {name} --agents q-learning,random-search --runs 3 --steps 200 --seed 4"
+    assert f"3 runs a case; made by\n`{command}`, upright {__version__}." in text
+    assert "N = 200 steps" in text
+    for agent in SMALL.agents:
+        assert f"- `{agent}`: `{make_case(agent).settings}`" in text
+
+
+def test_what_is_usual_is_not_repeated_in_the_command():
+    assert "`upright leaderboard --seed 0`" in boards._made(Study(), "leaderboard")
+    assert Study().agents == tuple(AGENTS)
+
+
+@pytest.mark.parametrize("name", ["leaderboard", "robust"])
+def test_the_command_that_a_board_names_repeats_it(made, name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    kept = made[0] / "kept" / "runs.sqlite"
+    wrote = (made[0] / "new" / f"{name}.md").read_text()
+    command = re.search(r"`upright (.*)`", wrote)[1]
+    assert run([*command.split(), "--store", str(kept), "--output", "again.md"]) == 0
+    assert (tmp_path / "again.md").read_text() == wrote
+    assert "board: again.md" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("name", "usual"), [("leaderboard", 600_000), ("robust", 60_000)])
+def test_the_usual_board_names_a_command_that_makes_it(name, usual, tmp_path, monkeypatch):
+    """The number of steps that the command leaves out is the one that it would take."""
+    studies = []
+    monkeypatch.setattr(boards, name, lambda path, study: studies.append((path, study)))
+    monkeypatch.chdir(tmp_path)
+    assert run([name]) == 0
+    (path, study), *_ = studies
+    assert study.steps == usual
+    assert path == f"docs/{name}.md"
+    command = re.search(r"`upright (.*)`", boards._made(study, name))[1]
+    assert "steps" not in command
+    assert run(command.split()) == 0
+    assert studies[1] == studies[0]
+    assert "--steps 600 " in boards._made(study._replace(steps=600), name)
+    other = 660_000 - usual  # the usual one of the other board
+    assert f"--steps {other} " in boards._made(study._replace(steps=other), name)
+
+
+def test_the_figures_beside_a_board_are_read_back(made):
+    folder, _ = made
+    rows = json.loads((folder / "new" / "leaderboard.json").read_text())
+    assert len(rows) == 2 * len(CASES) * 2
+    assert set(rows[0]) == {field.name for field in fields(Row)}
+    cases = {(each["agent"], each["start"], each["noise"]) for each in rows}
+    assert len(cases) == len(rows)
+    assert {(each["runs"], each["steps"], each["seed"]) for each in rows} == {(3, 200, 4)}
+    rows = json.loads((folder / "new" / "robust.json").read_text())
+    conditions = [each["condition"] for each in rows if each["agent"] == "q-learning"]
+    assert conditions == [task.get("condition", "nominal") for task in ROBUST.values()]
+    with Store(folder / "kept" / "runs.sqlite") as store:
+        for each in rows:
+            parts = {name: each[name] for name in ("noise", "start", "steps", "condition")}
+            case = make_case(each["agent"], **parts)
+            assert summarise(case, 4, store.results(case.key, 4)).ci95 == (
+                each["ci95"] and tuple(each["ci95"])
+            )
+
+
+def test_it_says_what_is_measured(made):
+    assert made[1] == [
+        "2 agents × 14 tasks × 3 runs, seed 4",
+        f"2 agents × {len(ROBUST)} tasks × 3 runs, seed 4",
+    ]
+
+
+def test_a_board_made_again_takes_its_runs_from_the_store(made, tmp_path, monkeypatch):
+    folder, _ = made
+    again = SMALL._replace(store=folder / "kept" / "runs.sqlite")
+    monkeypatch.setattr("upright.study.make_run", None)  # nothing may be run
+    for make, name in ((leaderboard, "leaderboard"), (robust, "robust")):
+        make(tmp_path / f"{name}.md", again, lambda text: None)
+        for kind in ("md", "json"):
+            old = (folder / "new" / f"{name}.{kind}").read_text()
+            assert (tmp_path / f"{name}.{kind}").read_text() == old
+
+
+def test_a_larger_board_makes_only_the_runs_that_are_missing(tmp_path, monkeypatch):
+    from upright import study
+
+    made, make = [], study.make_run
+    monkeypatch.setattr(
+        study,
+        "make_run",
+        lambda case, seed, run, **more: made.append(run) or make(case, seed, run, **more),
+    )
+    small = SMALL._replace(store=tmp_path / "runs.sqlite", agents=("random-search",), runs=2)
+    columns = {"calm": {}, "tilted": {"start": "wide"}}
+    rows = make_rows(small, columns)
+    assert sorted(made) == [0, 0, 1, 1]
+    assert list(rows) == ["calm", "tilted"]
+    assert [each.start for (each,) in rows.values()] == ["random", "wide"]
+    made.clear()
+    rows = make_rows(small._replace(runs=3), columns)
+    assert made == [2, 2]
+    assert {each.runs for (each,) in rows.values()} == {3}
+
+
+# ------------------------------------------------------------------------------ refusals
+
+
+@pytest.fixture
+def no_runs(monkeypatch):
+    """Make every run an error."""
+    monkeypatch.setattr("upright.boards.study_with_progress", None)
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "said"),
+    [
+        ("folder", {}, "it is a folder"),
+        (".", {}, "it is a folder"),
+        ("file/board.md", {}, "a folder cannot be made there"),
+        ("taken.md", {}, r"taken\.json'; it is a folder"),
+        ("board.json", {}, "the figures go there, the board elsewhere"),
+        ("new/board.md", {"agents": ("nobody",)}, "agent is 'nobody'; it must be one of "),
+        ("new/board.md", {"agents": ("no_such_module_42:A",)}, "there is no module"),
+        ("new/board.md", {"runs": 0}, "runs is 0"),
+        ("new/board.md", {"seed": -1}, "seed is -1"),
+        ("new/board.md", {"steps": 0}, "steps is 0"),
+        ("board.md", {"store": "file/runs.sqlite"}, "a folder cannot be made there"),
+        ("board.md", {"store": "file"}, "not a database"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("make", [leaderboard, robust])
+def test_what_cannot_be_made_is_refused_before_anything_is(
+    make, path, change, said, tmp_path, monkeypatch, no_runs
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "taken.json").mkdir()
+    (tmp_path / "file").write_text("no database, and no folder")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(UprightError, match=said):
+        make(path, SMALL._replace(**change), lambda text: None)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_bad_use_of_the_command_is_one_clear_line(tmp_path, monkeypatch, capsys, no_runs):
+    monkeypatch.chdir(tmp_path)
+    for line, said in (
+        ("leaderboard --agents nobody", "agent is 'nobody'"),
+        ("robust --runs 0", "runs is 0"),
+        ("robust --output .", "it is a folder"),
+        ("leaderboard --runs many", "'many'"),
+    ):
+        try:
+            status = run(line.split())
+        except SystemExit as refusal:  # argparse's own way
+            status = refusal.code
+        assert status == BAD_USE
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == 1
+
+
+def test_the_command_writes_where_it_is_told(tmp_path, monkeypatch, capsys):
+    """And an agent from outside stands on the board as any other."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(Path(__file__).parents[1])
+    agent = "examples.compiled_agent:hill_climber"
+    line = f"robust --agents {agent},random-search --runs 1 --steps 50"
+    assert run([*line.split(), "--output", "a/b.md", "--store", "c/d.sqlite"]) == 0
+    made = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*"))
+    assert made == ["a/b.json", "a/b.md", "c/d.sqlite"]
+    assert "2 agents × 7 tasks × 1 runs" in capsys.readouterr().out
+    text = (tmp_path / "a" / "b.md").read_text()
+    assert {line[0] for line in tables(text)[0][1:]} == {f"`{agent}`", "`random-search`"}
+    assert f"`upright {line} --seed 0`" in text

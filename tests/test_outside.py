@@ -1,0 +1,563 @@
+import importlib
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from textwrap import dedent
+
+import numpy as np
+import pytest
+from helpers import python
+from numba._dispatcher import compute_fingerprint
+
+from upright import trials
+from upright.agents import AGENTS, named_settings, restore_settings
+from upright.agents.outside import Outside
+from upright.cartpole import State, equations
+from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.compiled import CACHE_FOLDER, explain
+from upright.errors import UprightError
+from upright.plots import play
+from upright.policy import load_policy
+from upright.store import Store
+from upright.study import (
+    _workers,
+    choose_loop,
+    make_case,
+    make_run,
+    random_numbers,
+    rule_version,
+    study,
+)
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ("examples.plain_agent:TinyQ", "examples.compiled_agent:hill_climber")
+NUMBERS = itertools.count()
+
+# The same rule twice: a linear policy, each trial with other weights near the best so far.
+PLAIN = """
+    import os
+    from pathlib import Path
+
+
+    class Climber:
+        '''Climbs a hill.
+
+        Slowly.
+        '''
+
+        def __init__(self, rng):
+            self.best, self.tried, self.steps = [0.0] * 4, [0.0] * 4, [0, 0]
+            Path(f"{os.getpid()}.pid").touch()
+
+        def begin_trial(self, rng):
+            self.steps[1] = 0
+            self.tried = [best + (2.0 * rng.random() - 1.0) for best in self.best]
+
+        def act(self, observation, rng):
+            x, x_dot, theta, theta_dot = observation
+            w = self.tried
+            return w[0] * x + w[1] * x_dot + w[2] * 9.0 * theta + w[3] * theta_dot > 0.0
+
+        def learn(self, before, action, after, fallen):
+            self.steps[1] += 1
+
+        def end_trial(self, fallen):
+            if self.steps[1] > self.steps[0]:
+                self.steps[0], self.best = self.steps[1], self.tried
+"""
+COMPILED = """
+    from typing import NamedTuple
+
+    import numpy as np
+    from upright.compiled import compiled
+
+
+    class Climber(NamedTuple):
+        best: np.ndarray
+        tried: np.ndarray
+        steps: np.ndarray
+
+        @compiled
+        def begin_trial(self, rng):
+            self.steps[1] = 0
+            for i in range(4):
+                self.tried[i] = self.best[i] + (2.0 * rng.random() - 1.0)
+
+        @compiled
+        def act(self, observation, rng):
+            return self.push_probability(observation) > 0.5
+
+        @compiled
+        def learn(self, before, action, after, fallen):
+            self.steps[1] += 1
+
+        @compiled
+        def end_trial(self, fallen):
+            if self.steps[1] > self.steps[0]:
+                self.steps[0] = self.steps[1]
+                for i in range(4):
+                    self.best[i] = self.tried[i]
+
+        @compiled
+        def push_probability(self, observation):
+            x, x_dot, theta, theta_dot = observation
+            w = self.tried
+            total = w[0] * x + w[1] * x_dot + w[2] * 9.0 * theta + w[3] * theta_dot
+            return 1.0 if total > 0.0 else 0.0
+
+
+    def climber(rng):
+        return Climber(np.zeros(4), np.zeros(4), np.zeros(2, np.int64))
+"""
+METHODS = """
+        def begin_trial(self, rng): ...
+        def act(self, observation, rng): ...
+        def learn(self, before, action, after, fallen): ...
+        def end_trial(self, fallen): ...
+"""
+
+
+def forget(name):
+    """Forget a module, as a new process would."""
+    sys.modules.pop(name, None)
+    rule_version.cache_clear()
+    importlib.invalidate_caches()
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Return a function that writes a module into the present folder and returns its name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    written = []
+
+    def write(text, name=None):
+        name = name or f"outside_{next(NUMBERS)}"
+        (tmp_path / f"{name}.py").write_text(dedent(text))
+        importlib.invalidate_caches()
+        written.append(name)
+        return name
+
+    yield write
+    for name in written:
+        forget(name)
+
+
+@pytest.fixture(scope="module")
+def compiled_case(tmp_path_factory):
+    """Return a case of the compiled agent, once for all tests: every other would be compiled."""
+    folder, name = tmp_path_factory.mktemp("compiled"), f"outside_{next(NUMBERS)}"
+    (folder / f"{name}.py").write_text(dedent(COMPILED))
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    yield make_case(f"{name}:climber", steps=300, trials=15)
+    sys.path.remove(str(folder))
+    forget(name)
+
+
+def broken(old, new):
+    assert COMPILED.count(old) == 1
+    return COMPILED.replace(old, new)
+
+
+def lengths(case, seed=3, runs=4):
+    """Return the trials of the case's runs, made one after the other in this thread."""
+    return [make_run(case, seed, run)[1].lengths.tolist() for run in range(runs)]
+
+
+def kept(store, case, seed=3):
+    return [result.lengths.tolist() for result in store.results(case.key, seed)]
+
+
+def refused(line, capsys):
+    """Return the one line that a command is refused with."""
+    assert run(line.split()) == BAD_USE
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    return shown.err
+
+
+# ------------------------------------------------------------------------------ runs
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_the_examples_stand_in_a_table_beside_the_package_s_agents(
+    example, tmp_path, monkeypatch, capsys
+):
+    """And their runs are those that are made one after the other."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    store = tmp_path / "runs.sqlite"
+    line = f"table --agents {example},random-search --noises none --runs 3 --seed 3 --store {store}"
+    assert run(f"{line} --steps 300 --trials 15".split()) == 0
+    shown = capsys.readouterr().out
+    for agent in (example, "random-search"):
+        assert sum(text.startswith(agent) for text in shown.splitlines()) == 1
+        case = make_case(agent, steps=300, trials=15)
+        with Store(store) as found:
+            assert kept(found, case) == lengths(case, runs=3)
+
+
+@pytest.mark.parametrize("noise", ["none", "all-10"])
+def test_a_rule_is_the_same_plain_and_compiled(noise, write, compiled_case):
+    plain = make_case(f"{write(PLAIN)}:Climber", steps=300, trials=15, noise=noise)
+    fast = make_case(compiled_case.agent, steps=300, trials=15, noise=noise)
+    assert choose_loop(plain, make_run(plain, 3, 0)[0]) is trials.run
+    agent = make_run(fast, 3, 0)[0]
+    assert choose_loop(fast, agent) is trials.outside_run(type(agent))
+    assert lengths(plain) == lengths(fast)
+    assert len({tuple(each) for each in lengths(fast)}) == 4
+
+
+def test_agents_of_the_same_name_are_not_taken_for_each_other(write, compiled_case):
+    """Numba, called from Python, knows a NamedTuple by its name and fields alone."""
+    other = make_case(
+        f"{write(broken('9.0 * theta', '0.0 * theta'))}:climber", steps=300, trials=15
+    )
+    first, second = (make_run(case, 3, 0)[0] for case in (compiled_case, other))
+    assert type(first) is not type(second)
+    assert compute_fingerprint(first) == compute_fingerprint(second)
+    for case in (compiled_case, other):
+        rng, agent = random_numbers(3, 0), case.settings.agent(None)
+        slow = np.zeros(15, np.int64)
+        trials.run(agent, equations(), case.task(), rng, slow, np.zeros(1, np.bool_))
+        assert lengths(case, runs=1) == [slow[slow > 0].tolist()]
+    assert lengths(compiled_case, runs=1) != lengths(other, runs=1)
+
+
+def test_agents_of_the_package_are_not_taken_for_each_other():
+    """They share one loop, so names or fields of their memories must differ."""
+    prints = {}
+    for name in AGENTS:
+        memory = named_settings(name)["default"].agent(np.random.default_rng(1))
+        prints[compute_fingerprint(memory)] = type(memory)
+    assert len(prints) == len(AGENTS)
+
+
+def test_plain_agents_run_in_processes_to_the_same_end(write, tmp_path):
+    case = make_case(f"{write(PLAIN)}:Climber", steps=300, trials=15)
+    for file in tmp_path.glob("*.pid"):
+        file.unlink()
+    with Store() as store:
+        study([case], 4, 3, store)
+        assert len(list(tmp_path.glob("*.pid"))) > (tmp_path / f"{os.getpid()}.pid").exists()
+        assert kept(store, case) == lengths(case)
+    with Store() as store, ThreadPoolExecutor(1) as thread:
+        study([case], 4, 3, store, executor=thread)
+        assert kept(store, case) == lengths(case)
+
+
+def test_compiled_agents_run_in_threads_and_plain_ones_in_processes(write, compiled_case):
+    plain = make_case(f"{write(PLAIN)}:Climber")
+    package = make_case("random-search")
+    for cases, kind in (
+        ([package], ThreadPoolExecutor),
+        ([compiled_case, package], ThreadPoolExecutor),
+        ([compiled_case, plain, package], ProcessPoolExecutor),
+    ):
+        with _workers(cases) as workers:
+            assert isinstance(workers, kind)
+
+
+# ------------------------------------------------------------------------------ refusals
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 3", "there is no class or function 'A'"),
+        ("A = 3", "there is no class or function 'A'"),
+        ("class A:" + METHODS, "it must be made from the run's random numbers alone"),
+        ("def A(rng, size): ...", "alone: missing a required argument: 'size'"),
+        (
+            "class A:\n  def __init__(self, rng): ...\n  def act(self, observation, rng): ...",
+            "it lacks begin_trial(rng), learn(before, action, after, fallen), end_trial(fallen); "
+            "an agent has the methods begin_trial(rng), act(observation, rng), learn(",
+        ),
+        ("def A(rng): ...", "it lacks begin_trial(rng), act(observation, rng), "),
+        ("import no_such_module_42", "its module cannot be imported: No module named 'no_such_"),
+        ("from math import tau42", "its module cannot be imported: cannot import name 'tau42'"),
+        ("class A", "its module cannot be imported: "),
+    ],
+    ids=str,
+)
+def test_an_agent_that_cannot_work_is_refused_in_one_line(text, said, write, tmp_path, capsys):
+    agent = f"{write(text)}:A"
+    before = set(tmp_path.iterdir())
+    for line in (f"table --agents {agent} --store runs.sqlite", f"learn {agent}"):
+        error = refused(line, capsys)
+        assert f"agent is {agent!r}; " in error
+        assert said in error
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("agent", "said"),
+    [
+        ("no_such_module_42:A", "there is no module 'no_such_module_42'"),
+        ("no_such_package_42.part:A", "there is no module 'no_such_package_42.part'"),
+        ("json.no_such_part_42:A", "there is no module 'json.no_such_part_42'"),
+        (":A", "'' is no name of a module"),
+        (".here:A", "'.here' is no name of a module"),
+        ("some/file.py:A", "'some/file.py' is no name of a module"),
+        ("json:", "there is no class or function ''"),
+        ("json:dumps:x", "there is no class or function 'dumps:x'"),
+    ],
+)
+def test_a_name_that_leads_nowhere_is_refused_in_one_line(agent, said, capsys):
+    for line in (f"table --agents {agent}", f"learn {agent}", f"agents {agent}"):
+        assert said in refused(line, capsys)
+
+
+def test_a_module_that_fails_otherwise_shows_where(write):
+    """A mistake in the agent's own code is its author's to see, traceback and all."""
+    with pytest.raises(ZeroDivisionError):
+        make_case(f"{write('1 / 0')}:A")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            broken("self.steps[1] = 0\n", "self.tried[:] = np.zeros(4)\n"),
+            "it allocates an array; that is done when the agent is made",
+        ),
+        (
+            broken("self.steps[1] += 1", "self.steps = 1"),
+            "fields cannot change; a number that does lives in an array",
+        ),
+        (
+            broken("@compiled\n        def learn", "def learn"),
+            "a method that the loop calls is not under @compiled",
+        ),
+        (
+            broken("return self.push_probability(observation) > 0.5", "return self.nothing"),
+            "Unknown attribute 'nothing' of type Climber",
+        ),
+    ],
+    ids=["allocation", "assigned field", "plain method", "unknown attribute"],
+)
+def test_what_does_not_compile_is_told_in_one_line(text, said, write, capsys):
+    agent = f"{write(text)}:climber"
+    error = refused(f"learn {agent} --steps 10 --trials 2 --quiet", capsys)
+    assert f"agent is {agent!r}; it cannot be compiled: " in error
+    assert said in error
+    assert len(error) < 400
+
+
+def test_the_line_of_what_does_not_compile_is_told_and_the_whole_is_kept(write):
+    text = broken("self.steps[1] += 1", "self.steps[1] += before.nothing")
+    name = write(text)
+    line = dedent(text).splitlines().index("        self.steps[1] += before.nothing") + 1
+    with pytest.raises(UprightError, match=f"{name}.py line {line}$") as caught:
+        make_run(make_case(f"{name}:climber"), 0, 0)
+    assert "\n" in str(caught.value.__cause__)
+
+
+def test_an_error_without_words_is_explained_by_its_kind():
+    assert explain(KeyError()) == "KeyError()"
+
+
+# ------------------------------------------------------------------------------ a changed source
+
+
+def test_a_changed_source_is_another_case_and_the_store_keeps_them_apart(write):
+    name = write(PLAIN)
+    store, thread = Store(), ThreadPoolExecutor(1)
+    seen = []
+    for text in (PLAIN, PLAIN.replace("9.0 * theta", "0.0 * theta"), PLAIN):
+        write(text, name)
+        forget(name)
+        case = make_case(f"{name}:Climber", steps=300, trials=5)
+        study([case], 2, 3, store, executor=thread)
+        seen.append((case.key, kept(store, case)))
+        assert kept(store, case) == lengths(case, runs=2)
+    assert seen[0] == seen[2]
+    assert seen[0][0] != seen[1][0]
+    assert seen[0][1] != seen[1][1]
+    assert len(store.cases()) == 2
+    thread.shutdown()
+
+
+def test_a_source_that_changes_under_a_process_never_mixes(write):
+    """In one process, code and key stay what they were; a new one refuses to make other runs."""
+    name = write(PLAIN)
+    case = make_case(f"{name}:Climber", steps=300, trials=5)
+    write(PLAIN.replace("9.0 * theta", "0.0 * theta"), name)
+    same = make_case(f"{name}:Climber", steps=300, trials=5)
+    assert same.key == case.key
+    with Store() as store:
+        with pytest.raises(UprightError, match="its source changed after it was imported"):
+            study([case], 2, 3, store)
+        assert store.cases() == []
+
+
+# ------------------------------------------------------------------------------ other commands
+
+
+def test_learn_takes_an_agent_from_outside(write, capsys):
+    agent = f"{write(PLAIN)}:Climber"
+    assert run(f"learn {agent} --steps 20 --trials 50".split()) == 0
+    assert "balanced at trial" in capsys.readouterr().out
+    assert run(f"learn {agent} --steps 100000 --trials 1 --quiet".split()) == FAILED
+    capsys.readouterr()
+
+
+def test_a_policy_from_outside_is_saved_and_played(compiled_case, tmp_path, capsys):
+    path = tmp_path / "policy.npz"
+    line = f"learn {compiled_case.agent} --steps 300 --condition delay-1 --save {path} --quiet"
+    run(line.split())
+    policy = load_policy(path)
+    memory = make_run(make_case(compiled_case.agent, steps=300, condition="delay-1"), 0, 0)[0]
+    assert policy.memory.tried.tolist() == memory.tried.tolist()
+    assert policy.task["condition"] == "delay-1"
+    points = np.random.default_rng(0).normal(0, 0.2, (50, 4))
+    pushes = [policy.push_probability(point) for point in points]
+    assert pushes == [float(memory.push_probability(State(*point))) for point in points]
+    assert {0.0, 1.0} == set(pushes)
+    assert play(policy, compiled_case.task()).shape[1] == 4
+    capsys.readouterr()
+
+
+def test_a_policy_that_cannot_be_saved_is_refused_before_the_run(write, tmp_path, capsys):
+    plain = f"{write(PLAIN)}:Climber"
+    mute = f"{write(COMPILED.replace('push_probability', 'push'))}:climber"
+    with_method = PLAIN + "\n        def push_probability(self, observation): return 0.5\n"
+    no_tuple = f"{write(with_method)}:Climber"
+    for agent in (plain, mute, no_tuple):
+        error = refused(f"learn {agent} --steps 10 --save policy.npz", capsys)
+        assert "its policy cannot be saved" in error
+        assert "push_probability(observation)" in error
+    assert not (tmp_path / "policy.npz").exists()
+
+
+def test_a_policy_whose_agent_is_gone_or_another_is_refused(compiled_case, write, tmp_path):
+    path = tmp_path / "policy.npz"
+    name = write(COMPILED)
+    run(f"learn {name}:climber --steps 10 --trials 2 --save {path} --quiet".split())
+    write(PLAIN + "\n    climber = Climber\n", name)
+    forget(name)
+    with pytest.raises(UprightError, match=r"policy\.npz.*it cannot be read"):
+        load_policy(path)
+    (tmp_path / f"{name}.py").unlink()
+    forget(name)
+    with pytest.raises(UprightError, match=rf"policy\.npz.*there is no module '{name}'"):
+        load_policy(path)
+
+
+def test_agents_tells_of_an_agent_from_outside(write, capsys):
+    agent = f"{write(PLAIN)}:Climber"
+    assert run(["agents", agent]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"{agent}: Climbs a hill.\n")
+    assert "module:name" in shown
+    silent = f"{write(COMPILED)}:climber"
+    assert run(["agents", silent]) == 0
+    assert capsys.readouterr().out.startswith(f"{silent}: \n")
+
+
+def test_a_store_outlives_its_agent(write, tmp_path, capsys):
+    name = write(PLAIN)
+    case = make_case(f"{name}:Climber", steps=50, trials=4)
+    with Store(tmp_path / "runs.sqlite") as store, ThreadPoolExecutor(1) as thread:
+        study([case], 3, 0, store, executor=thread)
+    (tmp_path / f"{name}.py").unlink()
+    forget(name)
+    for command in ("show runs.sqlite", "plot trials runs.sqlite"):
+        assert run(command.split()) == 0
+    assert f"{name}:Climber" in capsys.readouterr().out
+
+
+def test_settings_from_outside_are_read_back(write):
+    agent = f"{write(PLAIN)}:Climber"
+    settings = named_settings(agent)["default"]
+    assert restore_settings(agent, asdict(settings)) == settings == Outside(agent)
+    with pytest.raises(UprightError, match="are not those of"):
+        restore_settings(agent, {"tempo": 3})
+
+
+def test_tuning_an_agent_from_outside_is_refused_in_one_line(write, capsys):
+    assert "search" in refused(f"tune {write(PLAIN)}:Climber --store tune.sqlite", capsys)
+
+
+# ------------------------------------------------------------------------------ kernels on disk
+
+
+def test_a_compiled_agent_leaves_no_trace_among_the_kernels(compiled_case):
+    make_run(make_case("random-search", steps=10, trials=1), 0, 0)  # its kernel is there now
+    folder = Path(CACHE_FOLDER)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert before
+    case = make_case(compiled_case.agent, steps=300, trials=3)
+    agent, _ = make_run(case, 0, 0)
+    agent.push_probability(State(0.0, 0.0, 0.0, 0.0))
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    ended = python(
+        "from upright.study import make_case, make_run\n"
+        "from upright.trials import compiled_run\n"
+        "make_run(make_case('random-search', steps=10, trials=1), 0, 0)\n"
+        "stats = compiled_run._outer.stats\n"
+        "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
+    )
+    assert ended.stdout == "1 0\n", ended.stderr
+
+
+# ------------------------------------------------------------------------------ Ctrl-C
+
+ENDLESS = PLAIN.replace("2.0 * rng.random() - 1.0", "0.0").replace(
+    "w = self.tried", "w = (1.0, 1.5, 20.0 / 9.0, 3.0)"
+)
+
+
+def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_path):
+    """Even one that the main process alone hears of."""
+    agent = f"{write(ENDLESS)}:Climber"
+    program = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from upright.cli import main; main()"
+    )
+    line = f"table --agents {agent} --noises none --runs 4 --steps 1000000000"
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *line.split()],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # a group of its own, to see who is left of it
+    )
+    try:
+        until = time.monotonic() + 60
+        while len(list(tmp_path.glob("*.pid"))) < 2:  # the main process, and one that works
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        _, error = process.communicate(timeout=30)
+        assert time.monotonic() - began < 10
+        assert process.returncode == INTERRUPTED
+        assert "nothing was kept" in error
+        assert "Traceback" not in error
+        while time.monotonic() - began < 10 and is_alive(process.pid):
+            time.sleep(0.05)
+        assert not is_alive(process.pid)
+    finally:
+        if is_alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def is_alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
