@@ -14,6 +14,7 @@ from upright.task import make_task
 from upright.trials import compiled_run
 
 DEFAULT = SETTINGS["default"]
+ANGLE = np.array([0.0, 0.0, 1.0, 0.0])
 COSTS = (DEFAULT.x_cost, DEFAULT.x_dot_cost, DEFAULT.theta_cost, DEFAULT.theta_dot_cost)
 
 
@@ -56,9 +57,9 @@ def random_trial(a, b, length, rng, noise=0.0):
         after = a @ state + b * (1.0 if action else -1.0)
         samples.append((state, action, after))
         state = after
-    offsets = noise * rng.normal(size=length + 1)
+    offsets = np.outer(noise * rng.normal(size=length + 1), ANGLE)
     return [
-        ((s + [0, 0, o, 0]).tolist(), action, (n + [0, 0, p, 0]).tolist())
+        ((s + o).tolist(), action, (n + p).tolist())
         for (s, action, n), o, p in zip(samples, offsets, offsets[1:], strict=False)
     ]
 
@@ -127,7 +128,7 @@ def test_history_finds_the_instability_that_noise_hides():
             explores, pushes_right = rng.random(2) < [0.1, 0.5]
             action = bool(pushes_right if explores else feedback @ state > 0)
             state = a @ state + b * (1.0 if action else -1.0)
-            after = state + [0, 0, 0.008 * rng.normal(), 0]
+            after = state + 0.008 * rng.normal() * ANGLE
             feed(agent, [(seen.tolist(), action, after.tolist())])
             seen = after
         design(agent)

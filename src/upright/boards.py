@@ -24,6 +24,12 @@ STARTS_SHOWN = {
     "random": "Start within ±0.05",
     "zero": "Start exactly upright",
 }
+PUBLISHED = {
+    f"{start} {noise}": {"start": start, "noise": noise}
+    for start in STARTS_SHOWN
+    for noise in CASES
+}
+"""The columns of the leaderboard, over both its tables."""
 ROBUST: dict[str, dict[str, str]] = {
     "as published": {},
     "plant varies": {"condition": "varied-plant"},
@@ -133,18 +139,25 @@ def leaderboard(path: Path | str, study: Study, say: Callable[[str], None] = pri
     UprightError
         If an agent is unknown or a file cannot be written.
     """
-    columns = {
-        f"{start} {noise}": {"start": start, "noise": noise}
-        for start in STARTS_SHOWN
-        for noise in CASES
-    }
-    rows = _measure(path, study, columns, say)
+    write_file(path, leaderboard_text(_measure(path, study, PUBLISHED, say), study))
+
+
+def robust(path: Path | str, study: Study, say: Callable[[str], None] = print) -> None:
+    """Measure all agents on tasks beyond the published ones, and write the board.
+
+    Parameters and errors are those of `leaderboard`.
+    """
+    write_file(path, robust_text(_measure(path, study, ROBUST, say), study))
+
+
+def leaderboard_text(rows: dict[str, list[Row]], study: Study) -> str:
+    """Return the leaderboard in Markdown."""
     parts = []
     for start, title in STARTS_SHOWN.items():
         named = {noise: rows[f"{start} {noise}"] for noise in CASES}
         parts.append(f"## {title}\n\n{board(named, published=True)}")
     cited = "\n".join(f"- {source.name}: {source.citation}." for source in SOURCES)
-    text = f"""# Leaderboard
+    return f"""# Leaderboard
 
 How many trials every agent needs until the pole stands for N = {study.steps:,} steps, on the seven
 published noise cases. {_made(study, "leaderboard")}
@@ -157,16 +170,11 @@ Lines in italics are published figures, as they stand in their sources:
 {cited}
 
 {_settings(study)}"""
-    write_file(path, text)
 
 
-def robust(path: Path | str, study: Study, say: Callable[[str], None] = print) -> None:
-    """Measure all agents on tasks beyond the published ones, and write the board.
-
-    Parameters and errors are those of `leaderboard`.
-    """
-    rows = _measure(path, study, ROBUST, say)
-    text = f"""# Robustness
+def robust_text(rows: dict[str, list[Row]], study: Study) -> str:
+    """Return the board of the robust suite in Markdown."""
+    return f"""# Robustness
 
 The same agents with the same settings, noise-free, where the task departs from the published one.
 A trial of N = {study.steps:,} steps succeeds. {_made(study, "robust")}
@@ -186,7 +194,6 @@ Where fewer than 95 % of the runs succeed:
 {_broken(rows)}
 
 {_settings(study)}"""
-    write_file(path, text)
 
 
 def _measure(
