@@ -98,7 +98,8 @@ def board(columns: dict[str, list[Row]], published: bool = False) -> str:
         body.append([f"`{agents[i]}`", number(mean_rank[i]), *cells])
     for source in SOURCES if published else ():
         figures = (source.mean_trials.get(rows[0].noise) for rows in columns.values())
-        name = f"*{source.name}, {source.runs} runs, N = {source.steps:,}*"
+        rule = f" ({source.agent})" if source.agent else ""
+        name = f"*{source.name}{rule}, {source.runs} runs, N = {source.steps:,}*"
         body.append([name, "", *(number(figure, 2) for figure in figures)])
     return to_markdown(Table(["Agent", "Mean rank", *columns], body, []))
 

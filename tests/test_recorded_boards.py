@@ -1,0 +1,52 @@
+"""The recorded boards: what the program writes of their figures, and what they were to reach."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from upright.boards import PUBLISHED, ROBUST, USUAL_STEPS, Study, leaderboard_text, robust_text
+from upright.published import CASES, SOURCES
+from upright.report import Row
+
+DOCS = Path(__file__).parent.parent / "docs"
+BOARDS = {"leaderboard": (PUBLISHED, leaderboard_text), "robust": (ROBUST, robust_text)}
+MOST = {
+    "none": 1.1,
+    "actuator-5": 1.3,
+    "actuator-10": 1.3,
+    "sensor-5": 1.5,
+    "sensor-10": 1.5,
+    "gaussian-0.1": 1.9,
+    "gaussian-0.2": 1.9,
+}
+"""Mean trials that adaptive LQR may need from the random start."""
+
+
+def recorded(name):
+    """Return the rows of a recorded board by column."""
+    rows = []
+    for values in json.loads((DOCS / f"{name}.json").read_text()):
+        intervals = ("success_ci95", "ci95", "all_runs_ci95")
+        rows.append(Row(**values | {i: values[i] and tuple(values[i]) for i in intervals}))
+    columns = BOARDS[name][0]
+    agents = len(rows) // len(columns)
+    return {title: rows[agents * i : agents * (i + 1)] for i, title in enumerate(columns)}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_the_recorded_board_is_what_the_program_writes(name):
+    rows = recorded(name)
+    assert all(row.runs == 100 and row.seed == 0 for some in rows.values() for row in some)
+    study = Study(steps=USUAL_STEPS[name])
+    assert (DOCS / f"{name}.md").read_text() == BOARDS[name][1](rows, study)
+
+
+@pytest.mark.parametrize("noise", CASES)
+def test_adaptive_lqr_beats_every_published_figure_and_its_target(noise):
+    rows = recorded("leaderboard")
+    published = min(s.mean_trials[noise] for s in SOURCES if noise in s.mean_trials)
+    for start, most in (("random", MOST[noise]), ("zero", 2.5)):
+        (row,) = (row for row in rows[f"{start} {noise}"] if row.agent == "adaptive-lqr")
+        assert row.success_rate == 1.0
+        assert row.mean_trials <= most < published
