@@ -43,6 +43,18 @@ def test_the_recorded_board_is_what_the_program_writes(name):
 
 
 @pytest.mark.parametrize("noise", CASES)
+def test_the_readme_quotes_the_leaderboard(noise):
+    lines = (DOCS.parent / "README.md").read_text().partition("## The leaderboard")[2].splitlines()
+    (line,) = (line for line in lines if line.startswith(f"| {noise} |"))
+    head = next(line for line in lines if line.startswith("| noise |"))
+    for row in recorded("leaderboard")[f"random {noise}"]:
+        place = [cell.strip(" *`") for cell in head.split("|")].index(row.agent)
+        mean = f"{row.mean_trials:.{2 if row.mean_trials < 2 else 1}f}"
+        rate = "" if row.successes == row.runs else f" ({row.successes} %)"
+        assert line.split("|")[place].strip(" *") == mean + rate
+
+
+@pytest.mark.parametrize("noise", CASES)
 def test_adaptive_lqr_beats_every_published_figure_and_its_target(noise):
     rows = recorded("leaderboard")
     published = min(s.mean_trials[noise] for s in SOURCES if noise in s.mean_trials)

@@ -153,7 +153,13 @@ def mean_text(row: Row) -> str:
     """Return mean trials with their interval."""
     if row.mean_trials is None or row.ci95 is None:
         return "–"
-    return f"{row.mean_trials:.1f} [{row.ci95[0]:.1f}, {row.ci95[1]:.1f}]"
+    digits = 2 if row.mean_trials < 2 else 1  # the floor is 1, and 1.04 is not 1.00
+    return " ".join(
+        (
+            number(row.mean_trials, digits),
+            f"[{number(row.ci95[0], digits)}, {number(row.ci95[1], digits)}]",
+        )
+    )
 
 
 def success_text(row: Row) -> str:
