@@ -21,7 +21,16 @@ from upright.trials import trial
 Learned = list[tuple[Case, list[Result]]]
 """Cases and the runs that were made of them."""
 
-COLOURS = {"reinforce": "#1f6fb4", "q-learning": "#d1701f", "random-search": "#7a7a7a"}
+COLOURS = {
+    "adaptive-lqr": "#2a8f4f",
+    "reinforce": "#1f6fb4",
+    "ndp": "#8a4fb0",
+    "q-learning": "#d1701f",
+    "ase-ace": "#a8862a",
+    "random-search": "#7a7a7a",
+}
+OTHER = "#c2447a"
+"""For agents from outside, which are told apart by name."""
 PUBLISHED_STYLES = {REPORT: ":", SI_AND_WANG: "-."}
 """Published means that are drawn, and how."""
 FORMATS = (".png", ".pdf", ".svg")
@@ -86,19 +95,19 @@ def plot_curves(learned: Learned) -> Figure:
     Runs that have succeeded count with N steps in the median from then on.
     """
     figure = Figure((4.6 * len(learned), 4.2), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(learned), sharey=True))
+    panels = np.atleast_1d(figure.subplots(1, len(learned), sharex=True, sharey=True))
     for axes, (case, results) in zip(panels, learned, strict=True):
-        colour = COLOURS.get(case.agent)
+        colour = COLOURS.get(case.agent, OTHER)
         longest = max((result.trials for result in results), default=1)
         filled = np.full((len(results), longest), np.nan)
         for row, result in zip(filled, results, strict=True):
             row[: result.trials] = result.lengths
             row[result.trials :] = case.steps if result.success else np.nan
-            axes.plot(
-                np.arange(1, result.trials + 1), result.lengths, color=colour, alpha=0.3, lw=0.8
-            )
+            trials = np.arange(1, result.trials + 1)
+            axes.plot(trials, result.lengths, ".-", color=colour, alpha=0.3, lw=0.8, markersize=3)
         median = np.median(filled, axis=0)
-        axes.plot(np.arange(1, longest + 1), median, color="black", lw=2, label="median run")
+        counts = np.arange(1, longest + 1)
+        axes.plot(counts, median, ".-", color="black", lw=2, label="median run")
         axes.axhline(case.steps, color="#2a8f4f", linestyle="--", label=f"{case.steps:,} steps")
         axes.set(title=f"{name(case)} ({case.noise})", xlabel="trial", xscale="log", yscale="log")
         axes.legend(loc="lower right")
