@@ -49,7 +49,8 @@ def test_the_compiled_loop_is_the_python_loop(name, settings, noise):
         lengths = go(either, agent, equations(), task)
         outcomes.append((lengths, [array.tolist() for array in arrays(agent)]))
     assert outcomes[0] == outcomes[1]
-    assert len(set(outcomes[0][0])) > 1, "trials differ, so the comparison means something"
+    if name != "adaptive-lqr":  # which may balance at once, but then has learned at every step
+        assert len(set(outcomes[0][0])) > 1, "trials differ, so the comparison means something"
 
 
 # ------------------------------------------------------------------------------ an agent in Python
