@@ -21,17 +21,16 @@ from upright.agents.random_search import RandomSearch
 from upright.agents.reinforce import Reinforce
 from upright.cli import BAD_USE, INTERRUPTED, run
 from upright.errors import UprightError, require
+from upright.search_space import Range, search_space
 from upright.store import Store
 from upright.study import make_case, make_run
 from upright.tune import (
     SEEDS,
-    Range,
     Search,
     as_options,
     as_python,
     search,
     search_seed,
-    search_space,
     validate,
     validation_seed,
 )

@@ -594,8 +594,9 @@ def agents(options: argparse.Namespace) -> int:
 def tune(options: argparse.Namespace) -> int:
     """Carry out `upright tune`."""
     from upright.progress import search_with_progress, study_with_progress
+    from upright.search_space import search_space
     from upright.study import check_study
-    from upright.tune import Search, describe, place_for, require_optuna, search_space, validate
+    from upright.tune import Search, describe, place_for, require_optuna, validate
 
     require_optuna()
     noises = CASES if options.noises == "all" else _split(options.noises)

@@ -1,0 +1,176 @@
+"""Which values of an agent's settings a search tries: read from the settings class itself."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+
+from upright.agents import Settings
+from upright.errors import UprightError
+
+if TYPE_CHECKING:
+    import optuna
+
+SPREAD, WHOLE_SPREAD = 10.0, 4.0
+"""How many times smaller or larger than at the start a setting may become; whole numbers less, for
+they count what takes time.
+"""
+
+
+class Range(NamedTuple):
+    """Where a setting is looked for."""
+
+    setting: str
+    """Name of the setting."""
+    choices: tuple[Any, ...] = ()
+    """Its possible values, if they can be counted; else it is a number."""
+    low: float = 0.0
+    high: float = 0.0
+    """Ends of the range, of the setting or of its gap."""
+    kind: Literal["float", "int", "gap", "choice"] = "float"
+    """A gap is a number's distance from 1: 0.9 and 0.99 differ as 0.1 and 0.01 do."""
+
+    @property
+    def label(self) -> str:
+        """The name of what Optuna varies."""
+        return f"1 - {self.setting}" if self.kind == "gap" else self.setting
+
+    def distribution(self) -> "optuna.distributions.BaseDistribution":
+        """Return the range as Optuna knows it: logarithmic, unless it begins at zero."""
+        from optuna.distributions import (
+            CategoricalDistribution,
+            FloatDistribution,
+            IntDistribution,
+        )
+
+        if self.kind == "choice":
+            return CategoricalDistribution(self.choices)
+        if self.kind == "int":
+            return IntDistribution(int(self.low), int(self.high), log=self.low > 0)
+        return FloatDistribution(self.low, self.high, log=self.low > 0)
+
+    def value(self, drawn: Any) -> Any:
+        """Return the setting's value, with no more digits than a person would copy."""
+        if self.kind in ("choice", "int"):
+            return drawn
+        rounded = min(max(float(f"{drawn:.3g}"), self.low), self.high)
+        return round(1.0 - rounded, 12) if self.kind == "gap" else rounded
+
+    def drawn(self, value: Any) -> Any:
+        """Return what Optuna would have drawn for a value; None if it lies outside."""
+        drawn = 1.0 - value if self.kind == "gap" else value
+        inside = drawn in self.choices if self.choices else self.low <= drawn <= self.high
+        return drawn if inside else None
+
+
+def search_space(
+    settings: Settings, names: Sequence[str] = (), fixed: Sequence[str] = ()
+) -> list[Range]:
+    """Return the ranges of an agent's settings, around the values they have.
+
+    A number is searched on a logarithmic scale, up to ten times smaller and larger, a whole one
+    four times; a fraction above a half by its distance from 1; one that is 0 on a plain scale, if
+    it is a fraction. Either value of a bool is tried, and every one of a ``Literal``. What the
+    settings refuse is left out. Tuples and other texts stay as they are.
+
+    Parameters
+    ----------
+    settings
+        The settings to begin with.
+    names
+        Settings to search, as "name" or "name=low:high"; all that can be if there are none.
+    fixed
+        Settings not to search.
+
+    Raises
+    ------
+    UprightError
+        If a setting is unknown or cannot be searched, or a range is not allowed.
+    """
+    kinds = get_type_hints(type(settings))
+    if not names:
+        free = [field.name for field in fields(settings) if field.name not in fixed]
+        ranges = (_range(settings, name, kinds[name]) for name in free)
+        return [found for found in ranges if found]
+    space: dict[str, Range] = {}
+    for text in names:
+        name, _, limits = text.partition("=")
+        name = name.strip().replace("-", "_")
+        if name not in kinds:
+            known = ", ".join(field.name for field in fields(settings))
+            raise UprightError(f"search is {text!r}; the setting must be one of {known}")
+        if name in fixed:
+            raise UprightError(f"search is {text!r}; the same setting is fixed")
+        found = _range(settings, name, kinds[name])
+        if limits:
+            found = _given_range(settings, name, limits)
+        if found is None:
+            why = "it has no range of its own; give one as NAME=LOW:HIGH, or leave it out"
+            raise UprightError(f"search is {text!r}; {why}")
+        space[name] = found
+    return list(space.values())
+
+
+def _range(settings: Settings, name: str, kind: Any) -> Range | None:
+    """Return the range of a setting around its value, or None if nothing tells one."""
+    value = getattr(settings, name)
+    if isinstance(value, bool) or get_origin(kind) is Literal:
+        options = (False, True) if isinstance(value, bool) else get_args(kind)
+        choices = tuple(each for each in options if _allows(settings, name, each))
+        return Range(name, choices, kind="choice") if len(choices) > 1 else None
+    if isinstance(value, int):
+        low = _allowed_end(settings, name, value, max(1, round(value / WHOLE_SPREAD)))
+        high = _allowed_end(settings, name, value, round(value * WHOLE_SPREAD))
+        return Range(name, (), low, high, "int") if 0 < low < high else None
+    if not isinstance(value, float) or value < 0.0:
+        return None
+    fraction = value <= 1.0 and not _allows(settings, name, 1.000001)
+    if fraction and value > 0.5:
+        gap = max(1.0 - value, 0.001)
+        least = 1.0 - _allowed_end(settings, name, value, 1.0)
+        return Range(name, (), max(gap / SPREAD, least), min(gap * SPREAD, 1.0), "gap")
+    if value == 0.0:
+        return Range(name, (), 0.0, _allowed_end(settings, name, 0.0, 1.0)) if fraction else None
+    low, high = (
+        _allowed_end(settings, name, value, end) for end in (value / SPREAD, value * SPREAD)
+    )
+    return Range(name, (), low, high)
+
+
+def _given_range(settings: Settings, name: str, limits: str) -> Range:
+    """Return the range of a number that a person gave as "low:high"."""
+    value = getattr(settings, name)
+    whole = isinstance(value, int)
+    try:
+        low, high = (int(end) if whole else float(end) for end in limits.split(":"))
+    except ValueError:
+        raise UprightError(f"search is '{name}={limits}'; it must be NAME=LOW:HIGH") from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low < high:
+        raise UprightError(f"search is '{name}={limits}'; it must be a number from LOW up to HIGH")
+    replace(settings, **{name: low})
+    replace(settings, **{name: high})
+    if not whole and low > 0.5 and high < 1.0:
+        return Range(name, (), 1.0 - high, 1.0 - low, "gap")
+    return Range(name, (), low, high, "int" if whole else "float")
+
+
+def _allows(settings: Settings, name: str, value: Any) -> bool:
+    """Return whether a setting may have a value."""
+    try:
+        replace(settings, **{name: value})
+    except ValueError:
+        return False
+    return True
+
+
+def _allowed_end(settings: Settings, name: str, allowed: Any, end: Any) -> Any:
+    """Return `end`, or else the number next to it that a setting may have, `allowed` being one."""
+    whole = isinstance(end, int)
+    while not _allows(settings, name, end):
+        if abs(end - allowed) <= (1 if whole else 1e-9 * abs(end)):
+            return allowed
+        middle = (allowed + end) // 2 if whole else (allowed + end) / 2
+        if _allows(settings, name, middle):
+            allowed = middle
+        else:
+            end = middle
+    return end
