@@ -1,14 +1,17 @@
 """What several tests need: plants and agents in plain Python, and a look into an agent's memory."""
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from upright.cartpole import Parameters, State, equations
+from upright.report import Row
 
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)
@@ -96,6 +99,15 @@ def arrays(memory: Any) -> Iterator[np.ndarray]:
             yield value
         elif isinstance(value, tuple):
             yield from arrays(value)
+
+
+def recorded_rows(path: Path) -> list[Row]:
+    """Return the rows that a table was written of as JSON."""
+    intervals = ("success_ci95", "ci95", "all_runs_ci95")
+    return [
+        Row(**values | {name: values[name] and tuple(values[name]) for name in intervals})
+        for values in json.loads(path.read_text())
+    ]
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:

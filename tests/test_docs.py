@@ -1,10 +1,10 @@
-import json
 import re
 from pathlib import Path
 
 import pytest
+from helpers import recorded_rows
 
-from upright.report import Row, mean_text
+from upright.report import mean_text
 from upright.reproduce import report
 
 ROOT = Path(__file__).parent.parent
@@ -14,11 +14,7 @@ PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/
 @pytest.fixture(scope="module")
 def rows():
     """The recorded study that the documentation quotes."""
-    recorded = json.loads((ROOT / "docs/results/table.json").read_text())
-    for row in recorded:
-        row["success_ci95"] = tuple(row["success_ci95"])
-        row["ci95"] = tuple(row["ci95"]) if row["ci95"] else None
-    return [Row(**row) for row in recorded]
+    return recorded_rows(ROOT / "docs/results/table.json")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

@@ -1,13 +1,12 @@
 """The recorded boards: what the program writes of their figures, and what they were to reach."""
 
-import json
 from pathlib import Path
 
 import pytest
+from helpers import recorded_rows
 
 from upright.boards import PUBLISHED, ROBUST, USUAL_STEPS, Study, leaderboard_text, robust_text
 from upright.published import CASES, SOURCES
-from upright.report import Row
 
 DOCS = Path(__file__).parent.parent / "docs"
 BOARDS = {"leaderboard": (PUBLISHED, leaderboard_text), "robust": (ROBUST, robust_text)}
@@ -25,10 +24,7 @@ MOST = {
 
 def recorded(name):
     """Return the rows of a recorded board by column."""
-    rows = []
-    for values in json.loads((DOCS / f"{name}.json").read_text()):
-        intervals = ("success_ci95", "ci95", "all_runs_ci95")
-        rows.append(Row(**values | {i: values[i] and tuple(values[i]) for i in intervals}))
+    rows = recorded_rows(DOCS / f"{name}.json")
     columns = BOARDS[name][0]
     agents = len(rows) // len(columns)
     return {title: rows[agents * i : agents * (i + 1)] for i, title in enumerate(columns)}

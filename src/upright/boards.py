@@ -15,7 +15,7 @@ from upright.cartpole import Parameters
 from upright.errors import UprightError
 from upright.files import check_output, write_file
 from upright.progress import study_with_progress
-from upright.published import CASES, SOURCES, STEPS, TRIALS
+from upright.published import CASES, SOURCES, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.report import Row, Table, number, summarise_all, to_json, to_markdown
 from upright.store import Store
 from upright.study import Case, check_study, make_case
@@ -42,7 +42,7 @@ ROBUST: dict[str, dict[str, str]] = {
 """The columns of the robust suite."""
 
 
-USUAL_STEPS = {"leaderboard": 600_000, "robust": STEPS}
+USUAL_STEPS = {"leaderboard": STRICT_STEPS, "robust": STEPS}
 """N of each command's board unless told otherwise: Si & Wang's form, and the report's."""
 
 
@@ -51,7 +51,7 @@ class Study(NamedTuple):
 
     agents: Sequence[str] = tuple(AGENTS)
     """Names of the agents; all with their default settings."""
-    runs: int = 100
+    runs: int = STRICT_RUNS
     """Runs of each case."""
     seed: int = 0
     """Of the study."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from upright import __version__
 from upright.agents import AGENTS
 from upright.errors import UprightError
-from upright.published import CASES, RUNS, STEPS, TRIALS
+from upright.published import CASES, RUNS, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 
 if TYPE_CHECKING:
     from upright.study import Case
@@ -72,6 +72,7 @@ examples:
   upright table --agents reinforce,random-search --runs 20
                                                a study: success rate and mean trials
   upright reproduce                            the published tables again, with pictures
+  upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             what a store of runs holds
   upright plot policy results/reinforce.npz    a picture of what was learned
   upright tune q-learning                      search for better settings
@@ -261,7 +262,7 @@ examples:
 Stopped, the same command goes on where it was.
 """,
     )
-    _add_board_options(parser, "leaderboard", 600_000)
+    _add_board_options(parser, "leaderboard", STRICT_STEPS)
 
 
 def _add_robust(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -284,7 +285,7 @@ Stopped, the same command goes on where it was.
 
 def _add_board_options(parser: Parser, name: str, steps: int) -> None:
     _add_shared(parser, "--agents")
-    parser.add_argument("--runs", **_whole(100, "independent runs of each case"))
+    parser.add_argument("--runs", **_whole(STRICT_RUNS, "independent runs of each case"))
     parser.add_argument("--steps", **_whole(steps, "a trial of this many steps of 0.02 s succeeds"))
     _add_shared(parser, "--seed")
     parser.add_argument(

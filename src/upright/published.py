@@ -16,6 +16,8 @@ CASES = (
 
 STEPS, TRIALS, RUNS = 60_000, 1_000, 20
 """The report's protocol, the default everywhere: steps of a success, trials of a run, runs."""
+STRICT_STEPS, STRICT_RUNS = 600_000, 100
+"""Si & Wang's protocol, the stricter one, and the leaderboard's."""
 REPORT, SI_AND_WANG = "Report", "Si & Wang 2001"
 """Names of the sources that tables and pictures single out."""
 

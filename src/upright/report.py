@@ -154,12 +154,8 @@ def mean_text(row: Row) -> str:
     if row.mean_trials is None or row.ci95 is None:
         return "–"
     digits = 2 if row.mean_trials < 2 else 1  # the floor is 1, and 1.04 is not 1.00
-    return " ".join(
-        (
-            number(row.mean_trials, digits),
-            f"[{number(row.ci95[0], digits)}, {number(row.ci95[1], digits)}]",
-        )
-    )
+    mean, low, high = (number(value, digits) for value in (row.mean_trials, *row.ci95))
+    return f"{mean} [{low}, {high}]"
 
 
 def success_text(row: Row) -> str:

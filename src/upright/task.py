@@ -89,8 +89,8 @@ def make_task(
         pole_friction=differs.friction * parameters.pole_friction,
     )
     measured = NOISES[noise]._replace(hides_velocities=differs.hides_velocities)
-    start_state = STARTS[start]
-    return Task(check_parameters(parameters), measured, start_state, steps, trials, differs.delay)
+    parameters = check_parameters(parameters)
+    return Task(parameters, measured, STARTS[start], steps, trials, differs.delay)
 
 
 def draw_plant(parameters: Parameters, rng: np.random.Generator) -> Parameters:

@@ -82,12 +82,11 @@ class AseAce:
         require("push_trace", self.push_trace, 0, 0.9999)
         require("box_trace", self.box_trace, 0, 0.9999)
         require("noise", self.noise, 0, 1e6, above=True)
-        for name in ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges"):
-            check_edges(name, getattr(self, name), self.mirrored)
+        check_edges(self)
 
     def agent(self, rng: np.random.Generator) -> "Memory":
         """Return a new agent that knows nothing."""
-        boxes = make_boxes(self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
+        boxes = make_boxes(self)
         count = math.prod(boxes.parts)
         return Memory(
             boxes=boxes,

@@ -5,7 +5,7 @@ what compiled code reads.
 """
 
 import math
-from typing import NamedTuple, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -36,14 +36,20 @@ BARTO_SUTTON_ANDERSON: Edges = {
 """The 162 boxes of Barto, Sutton & Anderson (1983), theirs from Michie & Chambers (1968)."""
 
 
-def check_edges(name: str, edges: tuple[float, ...], mirrored: bool) -> None:
-    """Raise UprightError unless edges ascend and, if `mirrored`, are alike in ±."""
-    for edge in edges:
-        require(f"an edge in {name}", edge, -1e6)
-    if list(edges) != sorted(set(edges)):
-        raise UprightError(f"{name} is {edges!r}; its edges must ascend")
-    if mirrored and not np.allclose(edges, -np.flip(edges)):
-        raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+def edges_of(settings: Any) -> dict[str, tuple[float, ...]]:
+    """Return the edges that an agent's settings hold, by name."""
+    return {name: getattr(settings, name) for name in Edges.__annotations__}
+
+
+def check_edges(settings: Any) -> None:
+    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±."""
+    for name, edges in edges_of(settings).items():
+        for edge in edges:
+            require(f"an edge in {name}", edge, -1e6)
+        if list(edges) != sorted(set(edges)):
+            raise UprightError(f"{name} is {edges!r}; its edges must ascend")
+        if settings.mirrored and not np.allclose(edges, -np.flip(edges)):
+            raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
 
 
 class Boxes(NamedTuple):
@@ -57,8 +63,9 @@ class Boxes(NamedTuple):
     """Into how many parts each is cut."""
 
 
-def make_boxes(*edges: tuple[float, ...]) -> Boxes:
-    """Return the boxes between the edges of x, x_dot, theta and theta_dot."""
+def make_boxes(settings: Any) -> Boxes:
+    """Return the boxes between the edges that an agent's settings hold."""
+    edges = edges_of(settings).values()
     return Boxes(
         # An empty tuple has no type that compiled code could read: no measurement is above inf.
         edges=tuple(tuple(map(float, some)) or (math.inf,) for some in edges),

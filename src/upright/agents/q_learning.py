@@ -76,12 +76,11 @@ class QLearning:
         require("kept_moves", self.kept_moves, 1, 10**7, whole=True)
         require("trace", self.trace, 0, 1)
         require("jitter", self.jitter, 0)
-        for name in ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges"):
-            check_edges(name, getattr(self, name), self.mirrored)
+        check_edges(self)
 
     def agent(self, rng: np.random.Generator) -> "Memory":
         """Return a new agent with a blank table."""
-        boxes = make_boxes(self.x_edges, self.x_dot_edges, self.theta_edges, self.theta_dot_edges)
+        boxes = make_boxes(self)
         return Memory(
             table=self.jitter * (rng.random(2 * math.prod(boxes.parts)) - 0.5),
             boxes=boxes,
