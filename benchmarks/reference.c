@@ -20,40 +20,56 @@ typedef struct {
     double x, x_dot, theta, theta_dot;
 } State;
 
-/* sin and cos by additions and multiplications, as `sine_cosine` has them. The whole turns are
- * rounded by rint: adding and subtracting a large number, as there, is lost with -ffast-math. */
-static inline void sine_cosine(double angle, double *sine, double *cosine)
+/* sin and 1 - cos of an angle up to SMALL, as `small_sine_cosine` of upright/elementary.py. */
+#define SMALL (3.141592653589793 / 8)
+
+static inline void small_sine_cosine(double angle, double *sine, double *one_less_cosine)
 {
-    const double turn = 6.283185307179586, turn_rest = 2.4492935982947064e-16;
-    double turns = rint(angle * (1 / turn));
-    double quarter = 0.25 * ((angle - turns * turn) - turns * turn_rest);
-    double z = quarter * quarter;
+    double z = angle * angle;
     double z2 = z * z;
     double z4 = z2 * z2;
     double series = (-1.0 / 6 + z * (1.0 / 120)) + z2 * (-1.0 / 5040 + z * (1.0 / 362880))
-        + z4 * ((-1.0 / 39916800 + z * (1.0 / 6227020800)) + z2 * (-1.0 / 1307674368000));
-    double sine_1 = quarter + quarter * z * series;
-    double one_less_cosine = z * ((1.0 / 2 + z * (-1.0 / 24)) + z2 * (1.0 / 720 + z * (-1.0 / 40320))
-        + z4 * ((1.0 / 3628800 + z * (-1.0 / 479001600))
-            + z2 * (1.0 / 87178291200 + z * (-1.0 / 20922789888000))));
-    double sine_2 = 2.0 * sine_1 * (1.0 - one_less_cosine);
-    double cosine_2 = 1.0 - 2.0 * sine_1 * sine_1;
-    *sine = 2.0 * sine_2 * cosine_2;
-    *cosine = 1.0 - 2.0 * sine_2 * sine_2;
+        + z4 * (-1.0 / 39916800 + z * (1.0 / 6227020800));
+    *sine = angle + angle * z * series;
+    *one_less_cosine = z * ((1.0 / 2 + z * (-1.0 / 24)) + z2 * (1.0 / 720 + z * (-1.0 / 40320))
+        + z4 * (1.0 / 3628800 + z * (-1.0 / 479001600)));
+}
+
+/* sin and cos of any angle, as `sine_cosine` has them. The whole turns are rounded by rint: adding
+ * and subtracting a large number, as there, is lost with -ffast-math. */
+static inline void sine_cosine(double angle, double *sine, double *cosine)
+{
+    const double turn = 6.283185307179586, turn_rest = 2.4492935982947064e-16;
+    double s = angle, y;
+    bool small = fabs(angle) <= SMALL;
+    if (!small) {
+        double turns = rint(angle * (1 / turn));
+        s = 0.125 * ((angle - turns * turn) - turns * turn_rest);
+    }
+    small_sine_cosine(s, &s, &y);
+    if (!small) {
+        for (int i = 0; i < 3; i++) {
+            double doubled = 2.0 * s * (1.0 - y);
+            y = 2.0 * s * s;
+            s = doubled;
+        }
+    }
+    *sine = s;
+    *cosine = 1.0 - y;
 }
 
 /* One step of explicit Euler, the sine and cosine of the angle being known. */
 static inline State euler(const Parameters *p, State s, double force, double sine, double cosine)
 {
-    double total_mass = p->cart_mass + p->pole_mass;
+    double mass_inverse = 1.0 / (p->cart_mass + p->pole_mass);
     double moment = p->pole_mass * p->half_length;
     double sign_x_dot = (s.x_dot > 0.0) - (s.x_dot < 0.0);
     double drive = (force + moment * s.theta_dot * s.theta_dot * sine
-        - p->cart_friction * sign_x_dot) / total_mass;
+        - p->cart_friction * sign_x_dot) * mass_inverse;
     double theta_acceleration = (p->gravity * sine - cosine * drive
         - (p->pole_friction / moment) * s.theta_dot)
-        / (p->half_length * (4.0 / 3.0 - (p->pole_mass / total_mass) * (cosine * cosine)));
-    double x_acceleration = drive - (moment / total_mass) * (theta_acceleration * cosine);
+        / (p->half_length * (4.0 / 3.0 - (p->pole_mass * mass_inverse) * (cosine * cosine)));
+    double x_acceleration = drive - (moment * mass_inverse) * (theta_acceleration * cosine);
     double h = p->time_step;
     return (State){
         s.x + h * s.x_dot,
@@ -101,10 +117,27 @@ void plant(const Parameters *p, const double w[4], State *state, int64_t steps)
 void many(const Parameters *p, double *restrict states, const double *restrict forces, int64_t n)
 {
     double *x = states, *x_dot = states + n, *theta = states + 2 * n, *theta_dot = states + 3 * n;
+    enum { PART = 512 };
+    for (int64_t first = 0; first < n; first += PART) {
+        int64_t end = first + PART < n ? first + PART : n, others = 0;
+        for (int64_t i = first; i < end; i++)
+            others += fabs(theta[i]) > SMALL;
+        if (others == 0) {
 #pragma GCC ivdep /* the four rows do not overlap */
-    for (int64_t i = 0; i < n; i++) {
-        State s = step(p, (State){x[i], x_dot[i], theta[i], theta_dot[i]}, forces[i]);
-        x[i] = s.x, x_dot[i] = s.x_dot, theta[i] = s.theta, theta_dot[i] = s.theta_dot;
+            for (int64_t i = first; i < end; i++) {
+                State s = {x[i], x_dot[i], theta[i], theta_dot[i]};
+                double sine, one_less_cosine;
+                small_sine_cosine(s.theta, &sine, &one_less_cosine);
+                s = euler(p, s, forces[i], sine, 1.0 - one_less_cosine);
+                x[i] = s.x, x_dot[i] = s.x_dot, theta[i] = s.theta, theta_dot[i] = s.theta_dot;
+            }
+        } else {
+#pragma GCC ivdep
+            for (int64_t i = first; i < end; i++) {
+                State s = step(p, (State){x[i], x_dot[i], theta[i], theta_dot[i]}, forces[i]);
+                x[i] = s.x, x_dot[i] = s.x_dot, theta[i] = s.theta, theta_dot[i] = s.theta_dot;
+            }
+        }
     }
 }
 

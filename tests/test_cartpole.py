@@ -14,7 +14,6 @@ from upright.cartpole import (
     check_parameters,
     equations,
     has_fallen,
-    sine_cosine,
     step,
     step_many,
 )
@@ -94,32 +93,6 @@ def energy(p, state):
         + 0.5 * 4 / 3 * moment * p.half_length * state.theta_dot**2
         + moment * p.gravity * math.cos(state.theta)
     )
-
-
-# ------------------------------------------------------------------------------ sine and cosine
-
-
-def test_sine_and_cosine_agree_with_the_library():
-    for angle in np.linspace(-10, 10, 10_001).tolist():
-        sine, cosine = sine_cosine(angle)
-        assert abs(sine - math.sin(angle)) <= 2e-15
-        assert abs(cosine - math.cos(angle)) <= 2e-15
-
-
-@given(number(-1e6, 1e6))
-def test_sine_and_cosine_of_large_angles_are_as_good_as_the_angle(angle):
-    error = 2e-15 + np.spacing(abs(angle))
-    assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), rel=0, abs=error)
-
-
-@pytest.mark.parametrize("exponent", range(-300, 1, 20))
-def test_sine_of_small_angles_has_a_small_relative_error(exponent):
-    for angle in (10.0**exponent, 0.7 * 10.0**exponent):
-        assert sine_cosine(angle)[0] == pytest.approx(math.sin(angle), rel=1e-15, abs=0)
-
-
-def test_sine_and_cosine_of_zero_are_exact():
-    assert sine_cosine(0.0) == (0.0, 1.0)
 
 
 # ------------------------------------------------------------------------------ equations

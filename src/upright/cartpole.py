@@ -15,7 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.compiled import compiled, inlined
+from upright.elementary import SMALL, sine_cosine, small_sine_cosine
 from upright.errors import UprightError, require
+
+
+PART = 512
+"""Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
 
 
 class State(NamedTuple):
@@ -91,63 +96,38 @@ def check_parameters(parameters: Parameters) -> Parameters:
         ) from None
 
 
-_ROUND = 1.5 * 2.0**52
-"""Adding and subtracting this rounds a float64 to the nearest whole number."""
-_TURN, _TURN_REST = 2 * math.pi, 2.4492935982947064e-16
-"""A full turn, as a sum of two floats."""
-_S = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
-_C = [(-1) ** (k + 1) / math.factorial(2 * k) for k in range(9)]
-(_S1, _S2, _S3, _S4, _S5, _S6, _S7), (_C1, _C2, _C3, _C4, _C5, _C6, _C7, _C8) = _S[1:], _C[1:]
-
-
-@compiled
-def sine_cosine(angle: float) -> tuple[float, float]:
-    """Return sin and cos of an angle [rad], to 2e-15, with additions and multiplications only.
-
-    The C library's functions differ in their last bit between systems, which an unstable plant
-    soon turns into another trajectory; and loops that call them cannot be vectorised. So: whole
-    turns removed, the Taylor series of a quarter of the rest, the angle doubled twice.
-    """
-    turns = (angle * (1 / _TURN) + _ROUND) - _ROUND
-    quarter = 0.25 * ((angle - turns * _TURN) - turns * _TURN_REST)
-    z = quarter * quarter
-    z2 = z * z
-    z4 = z2 * z2
-    series = (_S1 + z * _S2) + z2 * (_S3 + z * _S4) + z4 * ((_S5 + z * _S6) + z2 * _S7)
-    sine = quarter + quarter * z * series
-    one_less_cosine = z * (
-        (_C1 + z * _C2) + z2 * (_C3 + z * _C4) + z4 * ((_C5 + z * _C6) + z2 * (_C7 + z * _C8))
-    )
-    sine_2 = 2.0 * sine * (1.0 - one_less_cosine)
-    cosine_2 = 1.0 - 2.0 * sine * sine
-    return 2.0 * sine_2 * cosine_2, 1.0 - 2.0 * sine_2 * sine_2
-
-
 @compiled
 def accelerations(parameters: Parameters, state: State, force: float) -> tuple[float, float]:
     """Return the accelerations of cart [m/s^2] and pole [rad/s^2] under a force [N] on the cart.
 
     Report, equations (4) and (3), with the force per total mass, which both share, taken out.
     """
-    p = parameters
     sin, cos = sine_cosine(state.theta)
-    total_mass = p.cart_mass + p.pole_mass
+    return _accelerations(parameters, state, force, sin, cos)
+
+
+@compiled
+def _accelerations(
+    parameters: Parameters, state: State, force: float, sin: float, cos: float
+) -> tuple[float, float]:
+    p = parameters
+    mass_inverse = 1.0 / (p.cart_mass + p.pole_mass)  # once: to multiply takes a quarter as long
     moment = p.pole_mass * p.half_length
     sign_x_dot = (state.x_dot > 0.0) - (state.x_dot < 0.0)
     drive = (
         force + moment * state.theta_dot * state.theta_dot * sin - p.cart_friction * sign_x_dot
-    ) / total_mass
+    ) * mass_inverse
     theta_acceleration = (
         p.gravity * sin - cos * drive - (p.pole_friction / moment) * state.theta_dot
-    ) / (p.half_length * (4.0 / 3.0 - (p.pole_mass / total_mass) * (cos * cos)))
-    x_acceleration = drive - (moment / total_mass) * (theta_acceleration * cos)
+    ) / (p.half_length * (4.0 / 3.0 - (p.pole_mass * mass_inverse) * (cos * cos)))
+    x_acceleration = drive - (moment * mass_inverse) * (theta_acceleration * cos)
     return x_acceleration, theta_acceleration
 
 
 @compiled
-def _euler(parameters: Parameters, state: State, force: float) -> State:
+def _euler(parameters: Parameters, state: State, acceleration: tuple[float, float]) -> State:
     h = parameters.time_step
-    x_acceleration, theta_acceleration = accelerations(parameters, state, force)
+    x_acceleration, theta_acceleration = acceleration
     return State(
         state.x + h * state.x_dot,
         state.x_dot + h * x_acceleration,
@@ -157,9 +137,11 @@ def _euler(parameters: Parameters, state: State, force: float) -> State:
 
 
 @compiled
-def _semi_implicit(parameters: Parameters, state: State, force: float) -> State:
+def _semi_implicit(
+    parameters: Parameters, state: State, acceleration: tuple[float, float]
+) -> State:
     h = parameters.time_step
-    x_acceleration, theta_acceleration = accelerations(parameters, state, force)
+    x_acceleration, theta_acceleration = acceleration
     x_dot = state.x_dot + h * x_acceleration
     theta_dot = state.theta_dot + h * theta_acceleration
     return State(state.x + h * x_dot, x_dot, state.theta + h * theta_dot, theta_dot)
@@ -197,27 +179,51 @@ def _rk4(parameters: Parameters, state: State, force: float) -> State:
 @compiled
 def step(parameters: Parameters, state: State, force: float) -> State:
     """Return the state one time step later, the force [N] acting throughout."""
-    if parameters.integrator == Integrator.SEMI_IMPLICIT:
-        return _semi_implicit(parameters, state, force)
     if parameters.integrator == Integrator.RK4:
         return _rk4(parameters, state, force)
-    return _euler(parameters, state, force)
+    acceleration = accelerations(parameters, state, force)
+    if parameters.integrator == Integrator.SEMI_IMPLICIT:
+        return _semi_implicit(parameters, state, acceleration)
+    return _euler(parameters, state, acceleration)
+
+
+@compiled
+def _step_small(parameters: Parameters, state: State, force: float) -> State:
+    """Return what `step` does by Euler's rule, of an angle up to SMALL, without a branch."""
+    sin, one_less_cos = small_sine_cosine(state.theta)
+    acceleration = _accelerations(parameters, state, force, sin, 1.0 - one_less_cos)
+    return _euler(parameters, state, acceleration)
 
 
 def _loop(advance: Callable[[Parameters, State, float], State]) -> Callable[..., None]:
-    """Return a loop over many cart-poles, written once for the integrators that it is made for."""
+    """Return a loop over many cart-poles, written once for the steps that it is made for."""
 
     @compiled
-    def loop(parameters: Parameters, states: np.ndarray, forces: np.ndarray) -> None:
-        x, x_dot, theta, theta_dot = states[0], states[1], states[2], states[3]
-        for i in range(len(x)):
+    def loop(parameters, x, x_dot, theta, theta_dot, forces):  # type: ignore[no-untyped-def]
+        for i in range(len(forces)):
             before = State(x[i], x_dot[i], theta[i], theta_dot[i])
             x[i], x_dot[i], theta[i], theta_dot[i] = advance(parameters, before, forces[i])
 
     return loop
 
 
-_euler_loop, _any_loop = _loop(_euler), _loop(step)
+_small_loop, _any_loop = _loop(_step_small), _loop(step)
+
+
+@compiled
+def step_part(
+    parameters: Parameters, states: np.ndarray, forces: np.ndarray, first: int, end: int
+) -> None:
+    """Advance the cart-poles from number `first` to before `end`, as `step_many` does."""
+    x, x_dot = states[0, first:end], states[1, first:end]
+    theta, theta_dot = states[2, first:end], states[3, first:end]
+    others = 0
+    for i in range(len(theta)):
+        others += 1 if abs(theta[i]) > SMALL else 0
+    if others == 0 and parameters.integrator == Integrator.EULER:
+        _small_loop(parameters, x, x_dot, theta, theta_dot, forces[first:end])
+    else:
+        _any_loop(parameters, x, x_dot, theta, theta_dot, forces[first:end])
 
 
 @compiled
@@ -233,10 +239,8 @@ def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) ->
     forces
         Shape (n,), force on each cart [N].
     """
-    if parameters.integrator == Integrator.EULER:  # by itself it is an eighth faster
-        _euler_loop(parameters, states, forces)
-    else:
-        _any_loop(parameters, states, forces)
+    for first in range(0, len(forces), PART):
+        step_part(parameters, states, forces, first, min(first + PART, len(forces)))
 
 
 @inlined

@@ -12,6 +12,7 @@ import numpy as np
 
 from upright.cartpole import State
 from upright.compiled import inlined
+from upright.elementary import cosine_of_turns, logarithm
 
 
 class Noise(NamedTuple):
@@ -55,8 +56,8 @@ def _uniform(half_width: float, rng: np.random.Generator) -> float:
 @inlined
 def _normal(rng: np.random.Generator) -> float:
     """Return a standard normal number (Box & Muller, Ann. Math. Statist. 29, 1958)."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - rng.random()))
-    return radius * math.cos(2.0 * math.pi * rng.random())
+    radius = math.sqrt(-2.0 * logarithm(1.0 - rng.random()))
+    return radius * cosine_of_turns(rng.random())
 
 
 @inlined

@@ -83,7 +83,8 @@ def rule_version(agent: str) -> str:
 
     Of an agent from outside, that is the one file that it is written in.
     """
-    shared = ["cartpole.py", "noise.py", "task.py", "trials.py", "study.py", *SHARED]
+    task = ["elementary.py", "cartpole.py", "noise.py", "task.py", "trials.py", "study.py"]
+    shared = [*task, *SHARED]
     if is_outside(agent):
         own = hashlib.sha256(Outside(agent).source().read_bytes()).hexdigest()[:12]
         return f"{sources_hash(*shared)}-{own}"

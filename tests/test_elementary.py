@@ -1,0 +1,90 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from upright.compiled import compiled
+from upright.elementary import (
+    SMALL,
+    cosine_of_turns,
+    logarithm,
+    sine_cosine,
+    small_sine_cosine,
+)
+
+
+def number(low, high):
+    return st.floats(low, high, allow_subnormal=False)
+
+
+def test_sine_and_cosine_agree_with_the_library():
+    for angle in np.linspace(-10, 10, 10_001).tolist():
+        sine, cosine = sine_cosine(angle)
+        assert abs(sine - math.sin(angle)) <= 2e-15
+        assert abs(cosine - math.cos(angle)) <= 2e-15
+
+
+@given(number(-1e6, 1e6))
+def test_sine_and_cosine_of_large_angles_are_as_good_as_the_angle(angle):
+    error = 2e-15 + np.spacing(abs(angle))
+    assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), rel=0, abs=error)
+
+
+@pytest.mark.parametrize("exponent", range(-300, 1, 20))
+def test_sine_of_small_angles_has_a_small_relative_error(exponent):
+    for angle in (10.0**exponent, 0.7 * 10.0**exponent):
+        assert sine_cosine(angle)[0] == pytest.approx(math.sin(angle), rel=1e-15, abs=0)
+
+
+def test_sine_and_cosine_of_zero_are_exact():
+    assert sine_cosine(0.0) == (0.0, 1.0)
+
+
+def test_small_angles_and_others_meet_without_a_step():
+    for angle in (SMALL, np.nextafter(SMALL, 1), -SMALL, np.nextafter(-SMALL, -1)):
+        expected = (math.sin(angle), math.cos(angle))
+        assert sine_cosine(angle) == pytest.approx(expected, rel=0, abs=3e-16)
+
+
+@given(number(-SMALL, SMALL))
+def test_the_series_is_what_sine_and_cosine_are_made_of(angle):
+    sine, one_less_cosine = small_sine_cosine(angle)
+    assert sine_cosine(angle) == (sine, 1.0 - one_less_cosine)
+
+
+def test_no_number_has_no_sine():
+    assert all(map(math.isnan, sine_cosine(math.nan)))
+
+
+@given(number(0, 1))
+def test_cosine_of_turns_agrees_with_the_library(turns):
+    expected = math.cos(2 * math.pi * turns)
+    assert cosine_of_turns(turns) == pytest.approx(expected, rel=0, abs=2e-15)
+
+
+@given(number(2.0**-60, 2.0**60))
+def test_logarithm_agrees_with_the_library(x):
+    assert logarithm(x) == pytest.approx(math.log(x), rel=1e-15, abs=1e-18)
+
+
+@pytest.mark.parametrize("x", [1.0, 1 - 2.0**-53, 2.0**-53, 2.0, math.sqrt(0.5), math.sqrt(2.0)])
+def test_logarithm_at_its_seams(x):
+    assert logarithm(x) == pytest.approx(math.log(x), rel=1e-15, abs=0)
+
+
+@compiled
+def compiled_cosine_of_turns(turns):
+    return cosine_of_turns(turns)
+
+
+@compiled
+def compiled_logarithm(x):
+    return logarithm(x)
+
+
+def test_compiled_and_in_python_they_have_the_same_bits():
+    for u in np.random.default_rng(1).random(1000).tolist():
+        assert compiled_logarithm(1.0 - u) == logarithm(1.0 - u)
+        assert compiled_cosine_of_turns(u) == cosine_of_turns(u)
