@@ -211,19 +211,16 @@ _small_loop, _any_loop = _loop(_step_small), _loop(step)
 
 
 @compiled
-def step_part(
-    parameters: Parameters, states: np.ndarray, forces: np.ndarray, first: int, end: int
-) -> None:
-    """Advance the cart-poles from number `first` to before `end`, as `step_many` does."""
-    x, x_dot = states[0, first:end], states[1, first:end]
-    theta, theta_dot = states[2, first:end], states[3, first:end]
+def step_part(parameters, states, forces):  # type: ignore[no-untyped-def]
+    """Advance at most PART cart-poles, given the four rows of their states, as `step_many` does."""
+    x, x_dot, theta, theta_dot = states
     others = 0
     for i in range(len(theta)):
         others += 1 if abs(theta[i]) > SMALL else 0
     if others == 0 and parameters.integrator == Integrator.EULER:
-        _small_loop(parameters, x, x_dot, theta, theta_dot, forces[first:end])
+        _small_loop(parameters, x, x_dot, theta, theta_dot, forces)
     else:
-        _any_loop(parameters, x, x_dot, theta, theta_dot, forces[first:end])
+        _any_loop(parameters, x, x_dot, theta, theta_dot, forces)
 
 
 @compiled
@@ -240,7 +237,14 @@ def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) ->
         Shape (n,), force on each cart [N].
     """
     for first in range(0, len(forces), PART):
-        step_part(parameters, states, forces, first, min(first + PART, len(forces)))
+        end = min(first + PART, len(forces))
+        part = (
+            states[0, first:end],
+            states[1, first:end],
+            states[2, first:end],
+            states[3, first:end],
+        )
+        step_part(parameters, part, forces[first:end])
 
 
 @inlined
