@@ -9,6 +9,7 @@ larger.
 import math
 import os
 import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 640, 352
 """Size of a picture [pixels]; multiples of 16, which codecs of video like."""
 FORMATS = {
-    ".mp4": "-c:v libx264 -crf 18 -preset fast -pix_fmt yuv420p -movflags +faststart",
+    ".mp4": "-c:v libx264 -crf 18 -preset veryfast -pix_fmt yuv420p -movflags +faststart",
     # The first pictures give the palette: all of them would have to wait in memory.
     ".gif": "-vf split[a][b];[a]trim=end_frame=100,palettegen=max_colors=48[palette];"
     "[b][palette]paletteuse=dither=none:diff_mode=rectangle -loop 0",
@@ -103,11 +104,11 @@ def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
     Raises
     ------
     UprightError
-        If pygame is missing.
+        If pygame-ce is missing.
     """
     pygame = _pygame()
     canvas = _Canvas(pygame, _backdrop(parameters).copy())
-    canvas.write(scene.caption, (24, GAUGE_Y), 24, "midleft")
+    canvas.write(scene.caption, (24, GAUGE_Y), 24, align=0)
     if scene.is_finite:
         _draw_world(canvas, parameters, scene)
         _draw_gauge(canvas, parameters, scene)
@@ -124,7 +125,9 @@ def _pygame() -> ModuleType:
     try:
         import pygame
     except ImportError:
-        raise UprightError("drawing needs pygame: pip install 'upright[video]'") from None
+        raise UprightError("drawing needs pygame-ce: pip install 'upright[video]'") from None
+    if not getattr(pygame, "IS_CE", False):
+        raise UprightError("drawing needs pygame-ce, but there is pygame; uninstall that first")
     pygame.font.init()
     return pygame
 
@@ -160,13 +163,23 @@ class _Canvas:
         self.disc(colour, start, width / 2)
         self.disc(colour, end, width / 2)
 
-    def write(self, text: str, place: Point, size: int, anchor: str = "center") -> None:
-        """Write in the font that pygame brings along, `place` being the text's `anchor`."""
-        # Another part of the program may end pygame at any time, and every font with it.
-        font = self.pygame.font.Font(None, FINER * size)
-        written = font.render(text, True, INK)
-        fine = (FINER * place[0], FINER * place[1])
-        self.surface.blit(written, written.get_rect(**{anchor: fine}))
+    def write(self, text: str, place: Point, size: int, align: float = 0.5) -> None:
+        """Write a line, `place` lying at this part of its length, in the middle of its height."""
+        letters = [_letter(letter, FINER * size) for letter in text]
+        x = FINER * place[0] - align * sum(letter.get_width() for letter in letters)
+        for letter in letters:
+            self.surface.blit(letter, (x, FINER * place[1] - letter.get_height() / 2))
+            x += letter.get_width()
+
+
+@lru_cache(256)
+def _letter(letter: str, size: int) -> "pygame.Surface":
+    """Return a letter in the font that pygame brings along.
+
+    Loading the font for each picture would take as long as all the rest, and to keep it is unsafe:
+    another part of the program may end pygame at any time, and every font with it.
+    """
+    return _pygame().font.Font(None, size).render(letter, True, INK)  # type: ignore[no-any-return]
 
 
 def _scale(parameters: Parameters) -> float:
@@ -319,7 +332,7 @@ class Window:
     Raises
     ------
     UprightError
-        If pygame is missing, or there is no display.
+        If pygame-ce is missing, or there is no display.
     """
 
     is_open: bool
@@ -328,10 +341,7 @@ class Window:
     def __init__(self, title: str, frames_per_second: float) -> None:
         self._pygame = pygame = _pygame()
         try:
-            pygame.display.init()
-            # Without a display SDL may draw nowhere, and say nothing. Tests ask for that.
-            if pygame.display.get_driver() == "offscreen" and not os.environ.get("SDL_VIDEODRIVER"):
-                raise pygame.error("there is no display")
+            _find_display(pygame)
             self._window = pygame.Window(title, (WIDTH, HEIGHT))
         except pygame.error as error:
             why = f"a window cannot be opened: {error}"
@@ -366,6 +376,17 @@ class Window:
             self._window.destroy()
 
 
+def _find_display(pygame: ModuleType) -> None:
+    """Get ready for windows, or fail: without a display SDL would draw nowhere, and not tell."""
+    chosen = os.environ.get("SDL_VIDEODRIVER")
+    named = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not named and not chosen:
+        raise pygame.error("there is no display")
+    pygame.display.init()
+    if pygame.display.get_driver() == "offscreen" and not chosen:
+        raise pygame.error(f"there is no display {named!r}")
+
+
 # ---------------------------------------------------------------------------------------- video
 
 
@@ -387,9 +408,10 @@ def _ffmpeg() -> str:
     """Return the program that writes videos."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
-    except ImportError:
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):  # the latter: it came without the program
         raise UprightError("videos need imageio-ffmpeg: pip install 'upright[video]'") from None
-    return str(get_ffmpeg_exe())
 
 
 def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_second: float) -> None:
@@ -424,6 +446,7 @@ def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_secon
                 writer.communicate()
             except BaseException:
                 writer.kill()
+                writer.communicate()  # unlike the end of the block, it expects a broken pipe
                 raise
         if writer.returncode != 0 or count == 0:
             said.seek(0)
