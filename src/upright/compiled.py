@@ -162,6 +162,7 @@ CALLED_BY_THE_LOOP = (
     "learn",
     "end_trial",
     "push_probability",
+    "remember",
 )
 
 
