@@ -5,11 +5,15 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
 from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.policy import learned_policy, save_policy
+from upright.study import make_case
 
 UPRIGHT = [
     sys.executable,
@@ -25,10 +29,21 @@ def files_below(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+def keep_policy(path: Path, weights: Sequence[float]) -> None:
+    """Write a linear policy to a file."""
+    case = make_case("random-search", start="wide")
+    memory = case.settings.agent(None)
+    memory.weights[:] = weights
+    save_policy(path, learned_policy(case, 0, 0, memory), case.settings)
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with a file that is no store, to work in."""
+    """A folder to work in: files that are no store, and a policy that falls. No display."""
     monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    keep_policy(tmp_path / "poor.npz", POOR_WEIGHTS)
     (tmp_path / "text").write_text("not a database")
     with sqlite3.connect(tmp_path / "foreign") as database:
         database.execute("CREATE TABLE recipes (name)")
@@ -59,6 +74,19 @@ def folder(tmp_path, monkeypatch):
         ("learn q-learning --set x_edges=(1,2)", ["x_edges", "alike in ±"]),
         ("learn random-search --save missing/policy.npz", ["missing/policy.npz", "folder"]),
         ("learn random-search --plot curve.doc", [".doc", ".png"]),
+        ("play absent.npz", ["'absent.npz'", "no such file"]),
+        ("play text", ["'text'", "no file of a policy"]),
+        ("play poor.npz --noise loud", ["'loud'", "none", "gaussian-0.2", "all-10"]),
+        ("play poor.npz --start up", ["'up'", "random", "zero", "wide"]),
+        ("play poor.npz --integrator magic", ["'magic'", "euler", "rk4"]),
+        ("play poor.npz --condition odd", ["'odd'", "nominal", "delay-2"]),
+        ("play poor.npz --episodes 0", ["episodes is 0", "at least 1"]),
+        ("play poor.npz --steps 0", ["steps is 0", "at least 1"]),
+        ("play poor.npz --seed -1", ["seed is -1", "at least 0"]),
+        ("play poor.npz --video film.avi", ["'.avi'", ".mp4", ".gif"]),
+        ("play poor.npz --video missing/film.mp4", ["missing/film.mp4", "folder"]),
+        ("play poor.npz --video .mp4", ["''", ".mp4", ".gif"]),
+        ("play poor.npz --window", ["no display", "video"]),
         ("table --runs -3", ["runs is -3", "at least 1"]),
         ("table --runs many", ["'many'"]),
         ("table --agents reinforce,nobody", ["'nobody'", "reinforce"]),
@@ -124,6 +152,32 @@ def test_learn_saves_curve_and_policy_that_plot_draws(folder, capsys):
     capsys.readouterr()
 
 
+def test_play_tells_by_its_status_whether_it_fell(folder, capsys):
+    assert run(["play", "poor.npz", "--episodes", "3"]) == FAILED
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in shown[:3]] == [["trial", number] for number in "123"]
+    assert shown[3].startswith("balanced in 0 of 3 trials")
+    assert run(["play", "poor.npz", "--steps", "5"]) == 0
+    assert "balanced in 10 of 10 trials" in capsys.readouterr().out
+
+
+def test_play_plays_what_was_learned_on_unless_told_otherwise(folder, capsys):
+    shown = []
+    for options in ("", "--noise none --start wide", "--noise gaussian-0.2", "--start zero"):
+        run(["play", "poor.npz", *options.split()])
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
+    assert len(set(shown)) == 4 - 1
+
+
+def test_play_writes_a_video(folder, capsys):
+    for name in ("film.mp4", "film.gif"):
+        assert run(["play", "poor.npz", "--video", name]) == FAILED
+        assert capsys.readouterr().out.count("trial ") == 1
+    assert (folder / "film.mp4").read_bytes()[4:8] == b"ftyp"
+    assert (folder / "film.gif").read_bytes().startswith(b"GIF89a")
+
+
 def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
     store = ["--store", "runs.sqlite"]
     assert run(["table", *QUICK, "--runs", "3", *store, "--format", "json", "--output", "t"]) == 0
@@ -140,7 +194,7 @@ def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
 
 
 def test_help_of_every_command_teaches_by_example(capsys):
-    for command in ("", "learn", "table", "reproduce", "show", "plot", "agents"):
+    for command in ("", "learn", "play", "table", "reproduce", "show", "plot", "agents"):
         with pytest.raises(SystemExit) as ended:
             run([*command.split(), "--help"])
         assert ended.value.code == 0
@@ -150,7 +204,7 @@ def test_help_of_every_command_teaches_by_example(capsys):
 
 
 def test_help_needs_no_heavy_library():
-    heavy = {"numba", "scipy", "matplotlib", "rich", "numpy"}
+    heavy = {"numba", "scipy", "matplotlib", "rich", "numpy", "pygame", "imageio_ffmpeg"}
     program = (
         "import sys; from upright.cli import run\n"
         "try: run(['--help'])\n"
@@ -239,6 +293,26 @@ def test_a_stopped_study_without_a_store_says_that_nothing_was_kept(tmp_path):
     _, error = process.communicate(timeout=60)
     assert process.returncode == INTERRUPTED
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    ("weights", "options", "played"),
+    [
+        (GOOD_WEIGHTS, ["--steps", "20000000"], "balanced in 1 of 1 trials"),
+        (POOR_WEIGHTS, ["--episodes", "1000000"], "balanced in 0 of "),
+        (POOR_WEIGHTS, ["--episodes", "1000000", "--video", "film.mp4"], "balanced in 0 of "),
+    ],
+)
+def test_stopped_play_tells_what_was_played(weights, options, played, tmp_path):
+    keep_policy(tmp_path / "policy.npz", weights)
+    process = start(tmp_path, "play", "policy.npz", *options)
+    assert process.stdout.readline().startswith("trial    1 ")
+    process.send_signal(signal.SIGINT)
+    shown, error = process.communicate(timeout=60)
+    assert process.returncode == INTERRUPTED
+    assert error == "upright: stopped\n"
+    assert shown.splitlines()[-1].startswith(played)
+    assert [path.name for path in tmp_path.iterdir()] == ["policy.npz"]
 
 
 def test_two_processes_share_one_store(tmp_path):

@@ -69,6 +69,7 @@ def _parser() -> Parser:
         epilog="""\
 examples:
   upright learn reinforce                      watch one run learn, trial by trial
+  upright play results/reinforce.npz --window  watch what was learned
   upright table --agents reinforce,random-search --runs 20
                                                a study: success rate and mean trials
   upright reproduce                            the published tables again, with pictures
@@ -84,6 +85,7 @@ examples:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for add in (
         _add_learn,
+        _add_play,
         _add_table,
         _add_reproduce,
         _add_leaderboard,
@@ -194,6 +196,41 @@ examples:
     parser.add_argument("--save", metavar="FILE", help="save the policy, as FILE.npz")
     parser.add_argument("--quiet", action="store_true", help="print only how it ended")
     parser.set_defaults(command=learn)
+
+
+def _add_play(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "play",
+        "let a saved policy balance, and show each trial as it ends",
+        """\
+examples:
+  upright play policy.npz                           ten trials, without pictures
+  upright play policy.npz --noise gaussian-0.2 --start wide --window
+  upright play policy.npz --condition delay-1 --video fall.mp4
+  upright play policy.npz --episodes 100 --steps 600000
+The policy plays what it learned on, but for the options given. It learns no more.
+With pictures there is one trial of 1,000 steps, 20 s, unless said otherwise. The pale pole and the
+lower mark are what the agent measured. Esc, q or closing the window ends the playing.
+exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.
+""",
+    )
+    parser.add_argument("policy", metavar="POLICY", help="a policy saved by learn --save")
+    for part in ("noise", "start", "integrator", "condition"):
+        parser.add_argument(f"--{part}", metavar="NAME", help=f"another {part}")
+    parser.add_argument(
+        "--episodes", type=int, metavar="N", help="trials to play (default 10, with pictures 1)"
+    )
+    parser.add_argument(
+        "--steps",
+        type=int,
+        metavar="N",
+        help=f"a trial lasts so many steps at most (default {STEPS:,}, with pictures 1,000)",
+    )
+    _add_shared(parser, "--seed")
+    parser.add_argument("--video", metavar="FILE", help="write what happens there, .mp4 or .gif")
+    parser.add_argument("--window", action="store_true", help="show what happens, as it happens")
+    parser.set_defaults(command=play)
 
 
 def _add_table(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -440,6 +477,31 @@ def learn(options: argparse.Namespace) -> int:
         save_policy(options.save, policy, case.settings)
         print(f"policy: {options.save}")
     return 0 if result.success else FAILED
+
+
+def play(options: argparse.Namespace) -> int:
+    """Carry out `upright play`."""
+    from upright.drawing import check_video
+    from upright.errors import require
+    from upright.play import case_for
+    from upright.policy import load_policy
+    from upright.study import check_study
+    from upright.watch import watch_play
+
+    drawn = options.window or options.video is not None
+    episodes, steps = (1, 1_000) if drawn else (10, STEPS)
+    episodes = episodes if options.episodes is None else options.episodes
+    names = ("noise", "start", "integrator", "condition", "steps")
+    given = {name: getattr(options, name) for name in names}
+    changes = {name: value for name, value in given.items() if value is not None}
+    policy = load_policy(options.policy)
+    case = case_for(policy, **{"steps": steps} | changes)
+    require("episodes", episodes, 1, 10**6, whole=True)
+    check_study(episodes, options.seed)
+    if options.video is not None:
+        check_video(options.video)
+    played = watch_play(policy, case, episodes, options.seed, options.video, window=options.window)
+    return 0 if all(trial.balanced for trial in played) else FAILED
 
 
 def _changed_case(options: argparse.Namespace, noise: str | None = None) -> "Case":

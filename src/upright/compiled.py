@@ -171,6 +171,7 @@ CALLED_BY_THE_LOOP = (
     "learn",
     "end_trial",
     "push_probability",
+    "remember",
     "random",
 )
 

@@ -2,6 +2,8 @@
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from upright.errors import UprightError
@@ -25,8 +27,11 @@ def check_output(path: Path | str) -> Path:
     return path
 
 
-def write_file(path: Path | str, data: bytes | str) -> None:
-    """Write a file; whoever opens it sees the old content or the new one, never a part.
+@contextmanager
+def replacing(path: Path | str) -> Iterator[Path]:
+    """Give a file beside `path` to write to, which takes its place at the end if all went well.
+
+    Whoever opens `path` sees the old content or the new one, never a part.
 
     Raises
     ------
@@ -34,18 +39,37 @@ def write_file(path: Path | str, data: bytes | str) -> None:
         If it cannot be written.
     """
     path = check_output(path)
-    data = data.encode() if isinstance(data, str) else data
+    with _explained(path):
+        handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}.", path.parent)
+    os.close(handle)
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
+        yield Path(name)
+        with _explained(path):
             os.chmod(name, 0o644)
             os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn an error of the system into one that names the file."""
+    try:
+        yield
     except OSError as error:
         raise UprightError(
             f"output is {str(path)!r}; it cannot be written: {error.strerror}"
         ) from None
+
+
+def write_file(path: Path | str, data: bytes | str) -> None:
+    """Write a file, whole or not at all.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be written.
+    """
+    with replacing(path) as part, _explained(Path(path)):
+        part.write_bytes(data.encode() if isinstance(data, str) else data)

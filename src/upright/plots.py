@@ -8,15 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from upright.cartpole import Parameters, State, equations
+from upright.cartpole import State, equations
 from upright.errors import require_one_of
 from upright.files import check_output, write_file
+from upright.play import case_for, record
 from upright.policy import Policy
 from upright.published import REPORT, SI_AND_WANG, figures
 from upright.store import Result
 from upright.study import Case
-from upright.task import Task, make_task
-from upright.trials import trial
+from upright.task import Task
 
 Learned = list[tuple[Case, list[Result]]]
 """Cases and the runs that were made of them."""
@@ -178,37 +178,16 @@ def plot_policies(policies: Sequence[Policy]) -> Figure:
     return figure
 
 
-class _Recorder:
-    """The equations, with every state written down."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        self._equations = equations(parameters)
-        self.states: list[State] = []
-
-    def reset(self, state: State) -> State:
-        self.states.append(state)
-        return self._equations.reset(state)
-
-    def step(self, force: float) -> State:
-        self.states.append(self._equations.step(force))
-        return self.states[-1]
-
-    def close(self) -> None:
-        self._equations.close()
-
-
 def play(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
     """Balance once with a learned policy, and return all states, shape (steps + 1, 4)."""
-    recorder = _Recorder(task.parameters)
-    trial(policy, recorder, task, np.random.default_rng(seed))
-    return np.array(recorder.states)
+    plant = equations(task.parameters)
+    scenes, _ = record(policy, plant, task, np.random.default_rng(seed))
+    return np.array([scene.state for scene in scenes])
 
 
 def plot_phases(policy: Policy) -> Figure:
     """Draw the phase portraits of cart and pole over some seconds of balancing."""
-    names = ("noise", "start", "integrator", "condition")
-    parts = {name: policy.task[name] for name in names if name in policy.task}
-    task = make_task(steps=PORTRAIT_STEPS, **parts)
+    task = case_for(policy, steps=PORTRAIT_STEPS).task()
     states = play(policy, task)
     seconds = np.arange(len(states)) * task.parameters.time_step
     figure = Figure((9.4, 4.2), layout="constrained")

@@ -1,12 +1,16 @@
-"""Watching one run learn, trial by trial."""
+"""Watching one run learn, or a policy play, trial by trial."""
 
 import math
-import sys
+from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
 
+from upright.drawing import Window, write_video
+from upright.play import Played, pictures, play
+from upright.policy import Policy
 from upright.store import Result
 from upright.study import Case, make_run
 
@@ -48,15 +52,18 @@ def watch_run(case: Case, seed: int, run: int, *, quiet: bool = False) -> tuple[
 
 
 def _show(case: Case, lengths: np.ndarray, shown: int) -> int:
-    """Print the trials that ended since; bars are logarithmic. Return how many are shown then."""
-    step = case.task().parameters.time_step
+    """Print the trials that ended since. Return how many are shown then."""
     while shown < len(lengths) and lengths[shown] > 0:
-        length = int(lengths[shown])
+        _print_trial(case, shown + 1, int(lengths[shown]))
         shown += 1
-        bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.steps)))
-        print(f"trial {shown:4d} {length:9,d} steps {length * step:10,.1f} s  {bar}")
-    sys.stdout.flush()
     return shown
+
+
+def _print_trial(case: Case, number: int, length: int) -> None:
+    """Print a trial of so many steps, with a bar that is logarithmic."""
+    seconds = length * case.task().parameters.time_step
+    bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.steps)))
+    print(f"trial {number:4d} {length:9,d} steps {seconds:10,.1f} s  {bar}", flush=True)
 
 
 def _ending(case: Case, result: Result) -> str:
@@ -67,4 +74,78 @@ def _ending(case: Case, result: Result) -> str:
     return (
         f"balanced at trial {result.trials}: {case.steps:,} steps, {simulated:,.0f} minutes of "
         f"simulated time; the run took {result.seconds:.2f} s"
+    )
+
+
+def watch_play(
+    policy: Policy,
+    case: Case,
+    episodes: int,
+    seed: int,
+    video: str | None = None,
+    *,
+    window: bool = False,
+) -> list[Played]:
+    """Let a policy play and print a line for each trial as it ends, then how they went.
+
+    Parameters
+    ----------
+    video
+        Where what was to be seen is written to, if anywhere.
+    window
+        Whether it is shown as fast as it would happen. Who closes the window ends the playing.
+
+    Returns
+    -------
+    list
+        How each trial went that was played to its end.
+
+    Raises
+    ------
+    UprightError
+        If a library is missing, there is no display, or the video cannot be written.
+    """
+    rate = 1 / case.task().parameters.time_step
+    played: list[Played] = []
+
+    def tell(trial: Played) -> None:
+        played.append(trial)
+        _print_trial(case, len(played), trial.steps)
+
+    frames = pictures(policy, case, episodes, seed, tell)
+    if window:
+        frames = _shown(frames, Window(f"{policy.agent}, {case.noise}", rate))
+    try:
+        if video:
+            write_video(video, frames, rate)
+        elif window:
+            deque(frames, maxlen=0)
+        else:
+            for trial in play(policy, case, episodes, seed):
+                tell(trial)
+    finally:
+        print(_summary(played))
+    return played
+
+
+def _shown(frames: Iterator[np.ndarray], window: Window) -> Iterator[np.ndarray]:
+    """Pass pictures on as they are shown, while the window is open."""
+    try:
+        for pixels in frames:
+            window.show(pixels)
+            yield pixels
+            if not window.is_open:
+                return
+    finally:
+        window.close()
+
+
+def _summary(played: list[Played]) -> str:
+    if not played:
+        return "no trial was played to its end"
+    steps = [trial.steps for trial in played]
+    balanced = sum(trial.balanced for trial in played)
+    return (
+        f"balanced in {balanced:,} of {len(played):,} trials; steps: mean {np.mean(steps):,.1f}, "
+        f"median {np.median(steps):,.0f}, shortest {min(steps):,}"
     )

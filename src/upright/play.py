@@ -1,0 +1,204 @@
+"""Playing what was learned: a policy balances, and learns no more.
+
+Each trial has random numbers of its own, which no learner ever drew, and where the plant varies, a
+plant of its own.
+"""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from upright import trials
+from upright.agents import is_outside
+from upright.agents.agent import Agent
+from upright.cartpole import State, equations
+from upright.compiled import compiled
+from upright.drawing import Scene, picture
+from upright.policy import Policy
+from upright.study import Case, make_case, make_run_task
+from upright.task import Task
+from upright.trials import Plant
+
+STREAM = 2
+"""Tells random numbers for playing from those for learning and for drawing a plant."""
+PAUSE = 25
+"""How many times the last picture of a trial is shown again: half a second."""
+
+
+class Player(NamedTuple):
+    """A policy in the form that the compiled loop takes. It does what a `Policy` does."""
+
+    memory: Any
+    """What the agent had learned."""
+
+    @compiled
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Do nothing: there is no history."""
+
+    @compiled
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        """Sample a push."""
+        return rng.random() < self.memory.push_probability(observation)  # type: ignore[no-any-return]
+
+    @compiled
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Learn nothing."""
+
+    @compiled
+    def end_trial(self, fallen: bool) -> None:
+        """Learn nothing."""
+
+
+class RememberingPlayer(Player):
+    """The same, where what was measured before plays a part."""
+
+    __slots__ = ()
+
+    @compiled
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Forget the trial before."""
+        self.memory.begin_trial(rng)
+
+    @compiled
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Remember what was measured and done."""
+        self.memory.remember(before, action)
+
+
+class Played(NamedTuple):
+    """How a trial went."""
+
+    steps: int
+    """How many steps it lasted."""
+    balanced: bool
+    """Whether it ended without a fall."""
+
+
+def case_for(policy: Policy, **changes: Any) -> Case:
+    """Return the case that a policy plays: what it learned on, but for the changes.
+
+    Parameters
+    ----------
+    policy
+        Who plays.
+    **changes
+        Parts of a task by name, as `task.make_task` takes them.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, or a number is not allowed.
+    """
+    names = ("noise", "start", "integrator", "condition")
+    learned = {name: policy.task[name] for name in names if name in policy.task}
+    return make_case(policy.agent, **(learned | changes))
+
+
+def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[Played]:
+    """Play trial after trial and yield how each went.
+
+    The policies of the package's agents play compiled, those of agents from outside in Python.
+    """
+    loop = trials.run if is_outside(policy.agent) else trials.compiled_run
+    agent = policy if is_outside(policy.agent) else _player(policy)
+    thread = ThreadPoolExecutor(1)  # this one stays free for Ctrl-C, which compiled code ignores
+    try:
+        for episode in range(episodes):
+            plant, task, rng = prepare(case, seed, episode)
+            lengths, stop = np.zeros(1, np.int64), np.zeros(1, np.bool_)
+            run = thread.submit(loop, agent, plant, task._replace(trials=1), rng, lengths, stop)
+            succeeded = run.result() > 0
+            yield Played(int(lengths[0]), succeeded)
+    finally:
+        thread.shutdown(wait=False)
+
+
+def _player(policy: Policy) -> Player:
+    kind = RememberingPlayer if hasattr(policy.memory, "remember") else Player
+    return kind(policy.memory)
+
+
+def prepare(case: Case, seed: int, episode: int) -> tuple[Plant, Task, np.random.Generator]:
+    """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
+    task = make_run_task(case, seed, episode)
+    numbers = np.random.SeedSequence(seed, spawn_key=(episode, STREAM))
+    return equations(task.parameters), task, np.random.default_rng(numbers)
+
+
+class _Recorder:
+    """Stands between an agent and a plant, in the place of both, and keeps what passes."""
+
+    def __init__(self, agent: Agent, plant: Plant) -> None:
+        self.agent, self.plant = agent, plant
+        self.states: list[State] = []
+        self.measured: list[State] = []
+        self.forces = [0.0]
+
+    def reset(self, state: State) -> State:
+        self.states.append(self.plant.reset(state))
+        return self.states[-1]
+
+    def step(self, force: float) -> State:
+        self.forces.append(force)
+        self.states.append(self.plant.step(force))
+        return self.states[-1]
+
+    def close(self) -> None:
+        self.plant.close()
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        self.agent.begin_trial(rng)
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        return self.agent.act(observation, rng)
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        self.measured += [after] if self.measured else [before, after]
+        self.agent.learn(before, action, after, fallen)
+
+    def end_trial(self, fallen: bool) -> None:
+        self.agent.end_trial(fallen)
+
+
+def record(
+    agent: Agent, plant: Plant, task: Task, rng: np.random.Generator
+) -> tuple[list[Scene], Played]:
+    """Let an agent balance once in Python, and return what there was to see and how it went.
+
+    There is a scene of the start and one after each step, with the force that led to it.
+    """
+    recorder = _Recorder(agent, plant)
+    steps, fallen = trials.trial(recorder, recorder, task, rng)
+    seen = zip(recorder.states, recorder.measured, recorder.forces, strict=True)
+    return [Scene(*each) for each in seen], Played(steps, not fallen)
+
+
+def pictures(
+    policy: Policy, case: Case, episodes: int, seed: int, on_trial: Callable[[Played], None]
+) -> Iterator[np.ndarray]:
+    """Play the same trials as `play`, and yield a picture of every step.
+
+    Parameters
+    ----------
+    on_trial
+        Told how each trial went, when its last picture was seen.
+
+    Raises
+    ------
+    UprightError
+        If pygame-ce is missing.
+    """
+    for episode in range(episodes):
+        plant, task, rng = prepare(case, seed, episode)
+        scenes, played = record(policy, plant, task, rng)
+        for step, scene in enumerate(scenes):
+            seconds = step * task.parameters.time_step
+            ending = "   fallen" if step == played.steps and not played.balanced else ""
+            caption = f"trial {episode + 1}   step {step:,}   {seconds:,.1f} s{ending}"
+            pixels = picture(task.parameters, scene._replace(caption=caption))
+            yield pixels
+        on_trial(played)
+        yield from repeat(pixels, PAUSE)

@@ -1,0 +1,400 @@
+import math
+import re
+import subprocess
+import sys
+import time
+import weakref
+
+import imageio_ffmpeg
+import numpy as np
+import pygame
+import pytest
+from helpers import UPRIGHT, python
+from PIL import Image
+
+from upright import drawing
+from upright.cartpole import Parameters, State
+from upright.drawing import (
+    CART,
+    FORCE,
+    GAUGE_X,
+    GHOST,
+    HEIGHT,
+    HINGE_Y,
+    LIMIT,
+    POLE,
+    ROOM_ABOVE,
+    TRACK_Y,
+    WIDTH,
+    Scene,
+    Window,
+    picture,
+    text_picture,
+    write_video,
+)
+from upright.errors import UprightError
+
+NOMINAL = Parameters()
+
+
+def at(x=0.0, degrees=0.0):
+    return State(x, 0.0, math.radians(degrees), 0.0)
+
+
+def draw(state=UPRIGHT, parameters=NOMINAL, **scene):
+    return picture(parameters, Scene(state, **scene))
+
+
+def places(pixels, colour, top=ROOM_ABOVE - 8):
+    """Return the columns and rows of this colour below the gauge, smoothed edges left out."""
+    wanted = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    rows, columns = np.nonzero((np.abs(pixels.astype(int) - wanted) <= 3).all(axis=2))
+    return columns[rows >= top], rows[rows >= top]
+
+
+def metres(column, parameters=NOMINAL):
+    return (column - WIDTH / 2) / drawing._scale(parameters)
+
+
+# ------------------------------------------------------------------------------------- pictures
+
+
+def test_a_picture_is_an_array_of_pixels_that_may_be_changed():
+    pixels = draw(at(1, 5), caption="trial 1")
+    assert pixels.shape == (HEIGHT, WIDTH, 3)
+    assert pixels.dtype == np.uint8
+    pixels[:] = 0
+    assert draw(at(1, 5), caption="trial 1").any()
+
+
+def test_the_same_scene_gives_the_same_picture_and_another_one_does_not():
+    scene = {"measured": at(0.5, 3), "force": 10.0, "caption": "trial 1"}
+    pixels = draw(at(0.5, 2), **scene)
+    np.testing.assert_array_equal(pixels, draw(at(0.5, 2), **scene))
+    others = [
+        draw(at(0.6, 2), **scene),
+        draw(at(0.5, 3), **scene),
+        draw(at(0.5, 2), **scene | {"measured": None}),
+        draw(at(0.5, 2), **scene | {"force": -10.0}),
+        draw(at(0.5, 2), **scene | {"caption": "trial 2"}),
+    ]
+    assert all((other != pixels).any() for other in others)
+
+
+@pytest.mark.parametrize("x", [-2.4, -1.0, 0.0, 0.3, 2.4])
+@pytest.mark.parametrize("half_length", [0.25, 0.5, 2.0])
+def test_the_cart_stands_where_it_is(x, half_length):
+    parameters = NOMINAL._replace(half_length=half_length)
+    columns, rows = places(draw(at(x), parameters), CART)
+    middle = (columns.min() + columns.max() + 1) / 2
+    assert metres(middle, parameters) == pytest.approx(x, abs=0.02)
+    assert rows.max() < TRACK_Y
+
+
+@pytest.mark.parametrize("degrees", [-110, -30, -10, 0, 4, 10, 90])
+@pytest.mark.parametrize("half_length", [0.25, 0.5, 2.0])
+def test_the_pole_is_as_long_as_it_is_and_leans_as_it_leans(degrees, half_length):
+    parameters = NOMINAL._replace(half_length=half_length)
+    columns, rows = places(draw(at(0.2, degrees), parameters), POLE)
+    far = np.argmax(np.hypot(columns - WIDTH / 2, rows - HINGE_Y))
+    hinge = WIDTH / 2 + 0.2 * drawing._scale(parameters)
+    length = 2 * half_length * drawing._scale(parameters)
+    lean = math.radians(degrees)
+    assert columns[far] == pytest.approx(hinge + length * math.sin(lean), abs=6)
+    assert rows[far] == pytest.approx(HINGE_Y - length * math.cos(lean), abs=6)
+
+
+@pytest.mark.parametrize("state", [at(0.7, 5), at(-2.2, 11), at(1.5, -40)])
+def test_the_mirrored_state_gives_the_mirrored_picture(state):
+    mirrored = State(*(-value for value in state))
+    world = slice(ROOM_ABOVE, TRACK_Y)
+    left = draw(mirrored, force=-10.0)[world, ::-1].astype(int)
+    right = draw(state, force=10.0)[world].astype(int)
+    assert np.abs(left - right).mean() < 0.5  # edges may lie half a fine pixel apart
+    assert np.abs(right - draw(mirrored)[world]).mean() > 2
+
+
+@pytest.mark.parametrize("position_limit", [0.5, 2.4, 30.0])
+@pytest.mark.parametrize("half_length", [0.25, 0.5, 2.0])
+def test_track_and_pole_fit_into_the_picture(position_limit, half_length):
+    parameters = NOMINAL._replace(position_limit=position_limit, half_length=half_length)
+    pixels = draw(UPRIGHT, parameters)
+    columns, _ = places(pixels, LIMIT)
+    limit = position_limit * drawing._scale(parameters)
+    assert columns.min() == pytest.approx(WIDTH / 2 - limit, abs=4)
+    assert columns.max() == pytest.approx(WIDTH / 2 + limit, abs=4)
+    _, rows = places(pixels, POLE, top=0)
+    assert rows[rows > 50].min() >= ROOM_ABOVE - 8
+
+
+def test_what_was_measured_is_drawn_where_it_differs():
+    state = at(0.5, 2)
+    seen = [draw(state), draw(state, measured=state), draw(state, measured=at(math.nan))]
+    hidden = state._replace(x_dot=1.0)  # nothing that a picture shows
+    for pixels in [*seen, draw(state, measured=hidden)]:
+        assert len(places(pixels, GHOST, top=0)[0]) == 0
+    columns, _ = places(draw(state, measured=at(0.5, 12)), GHOST)
+    assert columns.mean() > places(draw(state), POLE)[0].mean() + 5
+
+
+def test_noise_too_small_for_the_pole_is_seen_at_the_gauge():
+    state, measured = at(0, 2), at(0, 2.45)
+    columns, rows = places(draw(state, measured=measured), GHOST, top=0)
+    gauge = columns[rows < ROOM_ABOVE - 8]
+    true, rows = places(draw(state), POLE, top=0)
+    true = true[rows < ROOM_ABOVE - 8]
+    assert GAUGE_X < true.mean() < gauge.mean() - 2
+
+
+def test_an_arrow_shows_the_force():
+    assert len(places(draw(), FORCE)[0]) == 0
+    right, left = (places(draw(force=force), FORCE)[0] for force in (10.0, -10.0))
+    assert right.min() > WIDTH / 2 > left.max()
+    stronger = places(draw(force=15.0), FORCE)[0]
+    assert np.ptp(stronger) == pytest.approx(1.5 * np.ptp(right), rel=0.1)
+    assert len(places(draw(force=0.01), FORCE)[0]) > 0
+
+
+BEYOND = [at(3, 110), at(-50, -400), at(1e300, 1e300), State(0, math.inf, 0, 0), at(math.nan)]
+
+
+@pytest.mark.parametrize("state", BEYOND)
+def test_a_state_beyond_all_limits_has_a_picture(state):
+    pixels = draw(state, measured=State(*[math.inf] * 4), force=1e9)
+    number = all(map(math.isfinite, state))
+    assert (len(places(pixels, CART)[0]) > 0) == number
+    assert ("no number" in text_picture(NOMINAL, Scene(state))) != number
+    assert (draw(force=math.nan) == draw(at(math.nan))).all()
+
+
+def test_pictures_need_no_display_and_outlive_the_end_of_pygame():
+    before = draw(at(1), caption="trial 1")
+    pygame.quit()
+    pygame.font.init()
+    np.testing.assert_array_equal(draw(at(1), caption="trial 1"), before)
+    program = (
+        "from upright.cartpole import Parameters, State\n"
+        "from upright.drawing import Scene, picture\n"
+        "picture(Parameters(), Scene(State(0, 0, 0, 0)))\n"
+        "import pygame; print(pygame.display.get_init())"
+    )
+    ended = python(program, DISPLAY="", WAYLAND_DISPLAY="")
+    assert (ended.stdout, ended.stderr) == ("False\n", "")
+
+
+def test_without_pygame_only_text_can_be_drawn(monkeypatch, tmp_path):
+    drawing._backdrop.cache_clear()
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    tries = (draw, lambda: Window("upright", 50), lambda: write_video(tmp_path / "a.mp4", [], 50))
+    for attempt in tries:
+        with pytest.raises(UprightError, match=r"pip install 'upright\[video\]'"):
+            attempt()
+    assert "pole" in text_picture(NOMINAL, Scene(UPRIGHT))
+
+
+def test_another_pygame_is_refused(monkeypatch):
+    monkeypatch.delattr(pygame, "IS_CE")
+    with pytest.raises(UprightError, match="needs pygame-ce, but there is pygame"):
+        draw()
+
+
+def test_a_video_needs_the_program_that_writes_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(UprightError, match=r"imageio-ffmpeg: pip install 'upright\[video\]'"):
+        write_video(tmp_path / "film.mp4", frames(1), 50)
+
+
+# ----------------------------------------------------------------------------------------- text
+
+
+def cart_column(text):
+    return text.splitlines()[-3].index("█")
+
+
+def test_text_shows_cart_and_pole():
+    lines = text_picture(NOMINAL, Scene(at(-1.2, 10), None, -10.0, "trial 1")).splitlines()
+    assert lines[0] == "trial 1"
+    assert lines[-1] == "cart -1.20 m, +0.00 m/s; pole +10.0°, +0°/s; force -10.0 N"
+    tops = [line.index("/") for line in lines[1:5]]
+    assert tops == sorted(tops, reverse=True)
+    assert tops[0] > tops[-1]
+    ends = [cart_column(text_picture(NOMINAL, Scene(at(x)))) for x in (-9, -2.4, 0, 2.4, 9)]
+    assert ends[0] == ends[1] < ends[2] < ends[3] == ends[4]
+    assert ends[2] - ends[1] == ends[3] - ends[2]
+
+
+def test_text_of_the_mirrored_state_is_mirrored():
+    def world(state):
+        rows = text_picture(NOMINAL, Scene(state)).splitlines()[1:-2]
+        width = drawing.COLUMNS + 2 * drawing.ROWS
+        return [row.ljust(width) for row in rows]
+
+    swapped = str.maketrans("/\\", "\\/")
+    mirrored = [row[::-1].translate(swapped) for row in world(at(-1.7, -8))]
+    assert world(at(1.7, 8)) == mirrored
+
+
+# ---------------------------------------------------------------------------------------- video
+
+
+def frames(count):
+    for i in range(count):
+        yield draw(at(i / 50, i / 10), caption=f"step {i}")
+
+
+def test_an_mp4_holds_every_picture_in_a_form_that_browsers_play(tmp_path):
+    path = tmp_path / "film.mp4"
+    write_video(path, frames(60), 50)
+    reader = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path]
+    ended = subprocess.run([*reader, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=1)
+    (about,) = re.findall(r"Stream .*Video: (h264.*)", ended.stderr.decode().partition("Output")[0])
+    assert all(word in about for word in ("yuv420p", f"{WIDTH}x{HEIGHT}", " 50 fps"))
+    read = np.frombuffer(ended.stdout, np.uint8).reshape(-1, HEIGHT, WIDTH, 3)
+    assert len(read) == 60
+    for frame, drawn in zip(read, frames(60), strict=True):
+        assert np.abs(frame.astype(int) - drawn).mean() < 3
+
+
+def test_a_gif_holds_every_picture_and_repeats(tmp_path):
+    path = tmp_path / "film.gif"
+    write_video(path, frames(120), 50)
+    with Image.open(path) as film:
+        assert film.size == (WIDTH, HEIGHT)
+        assert film.n_frames == 120
+        assert film.info["duration"] == 20
+        assert film.info["loop"] == 0
+        for i, drawn in enumerate(frames(120)):
+            film.seek(i)
+            assert np.abs(np.asarray(film.convert("RGB"), int) - drawn).mean() < 1
+
+
+def test_pictures_are_written_as_they_come(tmp_path):
+    alive = weakref.WeakSet()
+
+    class Frame(np.ndarray):
+        __hash__ = object.__hash__
+        __eq__ = object.__eq__
+
+    def watched():
+        for frame in frames(150):
+            mine = frame.view(Frame)
+            alive.add(mine)
+            assert len(alive) < 5
+            yield mine
+
+    write_video(tmp_path / "film.mp4", watched(), 50)
+
+
+def breaks(error):
+    yield from frames(5)
+    raise error
+
+
+@pytest.mark.parametrize("ending", [".mp4", ".gif"])
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("lost"), OSError("lost")])
+def test_a_broken_video_leaves_what_was_there(error, ending, tmp_path):
+    (tmp_path / "old").with_suffix(ending).write_text("old")
+    for name in ("old", "new"):
+        with pytest.raises(type(error)) as raised:
+            write_video((tmp_path / name).with_suffix(ending), breaks(error), 50)
+        assert raised.value is error
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("film.avi", frames(1), r"'\.avi'.*\.mp4, \.gif"),
+        ("film", frames(1), r"''.*\.mp4, \.gif"),
+        ("missing/film.mp4", frames(1), "folder does not exist"),
+        ("film.mp4", [], "no picture"),
+        ("film.gif", [], "no picture"),
+        ("film.mp4", [np.zeros((HEIGHT, 7, 3), np.uint8)], r"\(352, 7, 3\)"),
+        ("film.mp4", [np.zeros((HEIGHT, WIDTH, 3))], "float64"),
+    ],
+)
+def test_an_impossible_video_is_refused(name, given, said, tmp_path):
+    with pytest.raises(UprightError, match=said):
+        write_video(tmp_path / name, given, 50)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_writer_that_fails_on_the_way_leaves_nothing(monkeypatch, tmp_path):
+    failing = tmp_path / "failing"
+    failing.write_text("#!/bin/sh\nhead -c 1000000 >/dev/null\necho disk full >&2\nexit 1\n")
+    failing.chmod(0o755)
+    monkeypatch.setattr(drawing, "_ffmpeg", lambda: str(failing))
+    with pytest.raises(UprightError, match=r"film\.mp4.*disk full"):
+        write_video(tmp_path / "film.mp4", frames(10), 50)
+    assert list(tmp_path.iterdir()) == [failing]
+
+
+# --------------------------------------------------------------------------------------- window
+
+
+@pytest.fixture
+def window(monkeypatch):
+    """A window on the display that SDL has for tests."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.quit()
+    window = Window("upright", 50)
+    yield window
+    window.close()
+    pygame.quit()
+
+
+def test_a_window_shows_the_picture(window):
+    pixels = draw(at(1, 5), caption="trial 1")
+    window.show(pixels)
+    shown = pygame.surfarray.array3d(window._window.get_surface()).swapaxes(0, 1)
+    np.testing.assert_array_equal(shown, pixels)
+
+
+def test_a_window_keeps_its_pace(window):
+    pixels = draw()
+    window.show(pixels)
+    began = time.monotonic()
+    for _ in range(20):
+        window.show(pixels)
+    assert 0.38 <= time.monotonic() - began < 2.0
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        pygame.event.Event(pygame.QUIT),
+        pygame.event.Event(pygame.WINDOWCLOSE),
+        pygame.event.Event(pygame.KEYDOWN, key=pygame.K_ESCAPE),
+        pygame.event.Event(pygame.KEYDOWN, key=pygame.K_q),
+    ],
+)
+def test_a_window_is_closed_by_its_user(event, window):
+    window.show(draw())
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_a))
+    window.show(draw())
+    assert window.is_open
+    pygame.event.post(event)
+    window.show(draw())
+    assert not window.is_open
+    window.show(draw())
+    window.close()
+    pygame.event.post(event)  # meant for the window that is gone
+    another = Window("another", 50)
+    another.show(draw())
+    assert another.is_open
+    another.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+@pytest.mark.parametrize("display", ["", ":997"])
+def test_without_a_display_a_window_is_refused(display):
+    program = (
+        "import os; os.environ.pop('SDL_VIDEODRIVER', None)\n"
+        "from upright.drawing import Window\n"
+        "from upright.errors import UprightError\n"
+        "try: Window('upright', 50)\n"
+        "except UprightError as error: print(error)"
+    )
+    ended = python(program, DISPLAY=display, WAYLAND_DISPLAY="")
+    assert "there is no display" in ended.stdout
+    assert "video" in ended.stdout

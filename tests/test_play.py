@@ -1,0 +1,213 @@
+import numpy as np
+import pygame
+import pytest
+from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, arrays
+from PIL import Image
+
+from upright.agents import AGENTS
+from upright.cartpole import State
+from upright.drawing import HEIGHT, WIDTH
+from upright.errors import UprightError
+from upright.play import PAUSE, Played, case_for, pictures, play, prepare, record
+from upright.policy import Policy, learned_policy
+from upright.study import make_case, make_run
+from upright.task import make_task
+from upright.trials import trial
+from upright.watch import watch_play
+
+HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
+"""A task on which trials have all kinds of lengths."""
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """Return what every agent learned in too few trials."""
+
+    def learn(agent):
+        steps = 20 if agent == "adaptive-lqr" else 2000  # it would learn enough
+        case = make_case(agent, trials=5, steps=steps, start="zero")
+        memory, _ = make_run(case, 0, 0)
+        return learned_policy(case, 0, 0, memory)
+
+    return {agent: learn(agent) for agent in AGENTS}
+
+
+@pytest.mark.parametrize("agent", AGENTS)
+@pytest.mark.parametrize("changes", [HARD, HARD | {"condition": "varied-plant"}])
+def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned):
+    policy = learned[agent]
+    case = case_for(policy, **changes)
+    compiled = list(play(policy, case, 8, seed=3))
+    for episode, played in enumerate(compiled):
+        steps, fallen = trial(policy, *prepare(case, 3, episode))
+        assert played == Played(steps, not fallen)
+    assert len({played.steps for played in compiled}) > 1
+
+
+def test_a_policy_from_outside_plays_in_python():
+    class Memory(LinearAgent):
+        def push_probability(self, observation):
+            return float(super().act(observation, None))
+
+    policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), {})
+    case = make_case("random-search", steps=500)
+    assert list(play(policy, case, 2, seed=0)) == [Played(500, True)] * 2
+
+
+@pytest.mark.parametrize(
+    ("agent", "parts"),
+    [
+        ("random-search", ["weights"]),
+        ("reinforce", ["network"]),
+        ("adaptive-lqr", ["model", "moments", "gains", "samples"]),
+    ],
+)
+def test_playing_teaches_nothing(agent, parts, learned):
+    policy = learned[agent]
+    kept = [array for part in parts for array in arrays((getattr(policy.memory, part),))]
+    before = [array.copy() for array in kept]
+    list(play(policy, case_for(policy, **HARD), 5, seed=0))
+    for array, old in zip(kept, before, strict=True):
+        np.testing.assert_array_equal(array, old)
+        assert array.any()
+
+
+def test_a_policy_with_a_history_remembers_and_forgets(learned):
+    policy = learned["adaptive-lqr"]
+    case = case_for(policy, steps=5)
+    for _ in range(2):
+        assert list(play(policy, case, 1, seed=0)) == [Played(5, True)]
+        assert policy.memory.steps[0] == 5
+
+
+def test_a_trial_depends_on_its_number_and_the_seed_alone(learned):
+    policy = learned["q-learning"]
+    case = case_for(policy, **HARD)
+    few, many = (list(play(policy, case, count, seed=1)) for count in (3, 6))
+    assert many[:3] == few
+    assert list(play(policy, case, 3, seed=2)) != few
+    starts = [record(policy, *prepare(case, 1, i))[0][0].state for i in range(3)]
+    assert len(set(starts)) == 3
+
+
+def test_every_trial_has_its_own_plant_where_plants_vary(learned):
+    case = case_for(learned["reinforce"], condition="varied-plant")
+    prepared = [prepare(case, 0, episode) for episode in range(3)]
+    assert all(plant.parameters == task.parameters for plant, task, _ in prepared)
+    assert len({task.parameters for _, task, _ in prepared}) == 3
+
+
+def test_a_policy_plays_what_it_learned_on_but_for_the_changes():
+    case = make_case("random-search", noise="sensor-5", start="zero", condition="delay-1")
+    policy = learned_policy(case, 0, 0, case.settings.agent(None))
+    assert case_for(policy) == case
+    changed = case_for(policy, noise="none", steps=7)
+    assert (changed.noise, changed.steps) == ("none", 7)
+    assert (changed.start, changed.condition) == ("zero", "delay-1")
+    with pytest.raises(UprightError, match="'loud'"):
+        case_for(policy, noise="loud")
+
+
+# ------------------------------------------------------------------------------ what is recorded
+
+
+def test_a_recording_has_what_happened_and_what_the_agent_saw():
+    agent, plant = LinearAgent(*GOOD_WEIGHTS), RecordingPlant()
+    task = make_task(noise="all-10", steps=50, condition="delay-1")._replace(trials=1)
+    task = task._replace(noise=task.noise._replace(actuator=0.1))
+    scenes, played = record(agent, plant, task, np.random.default_rng(0))
+    assert played == Played(50, True)
+    assert [scene.state for scene in scenes] == [*plant.starts, *plant.states[0]]
+    assert [scene.force for scene in scenes] == [0.0, *plant.forces[0]]
+    (moves,) = agent.moves
+    assert [scene.measured for scene in scenes] == [moves[0][0], *[move[2] for move in moves]]
+    assert all(scene.measured != scene.state for scene in scenes)
+    assert agent.ends == [False]
+
+
+def test_a_fall_at_the_last_step_is_no_success():
+    task = make_task(steps=3)
+    for fall, played in ((3, Played(3, False)), (4, Played(3, True)), (1, Played(1, False))):
+        agent, rng = LinearAgent(*GOOD_WEIGHTS), np.random.default_rng(0)
+        assert record(agent, ScriptedPlant(fall), task, rng)[1] == played
+
+
+def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeypatch):
+    captions, told = [], []
+
+    def draw(parameters, scene):
+        captions.append(scene.caption)
+        assert scene.measured.theta != scene.state.theta or scene.state.theta == 0
+        return len(captions)
+
+    monkeypatch.setattr("upright.play.picture", draw)
+    policy = learned["random-search"]
+    case = case_for(policy, noise="gaussian-0.2", start="wide", steps=100)
+    shown = list(pictures(policy, case, 4, 5, told.append))
+    assert told == list(play(policy, case, 4, 5))
+    assert not all(played.balanced for played in told)
+    assert len(shown) == sum(played.steps + 1 + PAUSE for played in told)
+    assert len(captions) == sum(played.steps + 1 for played in told)
+    assert captions[0] == "trial 1   step 0   0.0 s"
+    falls = [caption for caption in captions if caption.endswith("fallen")]
+    assert len(falls) == sum(not played.balanced for played in told)
+    assert shown[: told[0].steps + 1] == list(range(1, told[0].steps + 2))
+    assert set(shown[-PAUSE - 1 :]) == {len(captions)}
+
+
+# ---------------------------------------------------------------------------------------- watch
+
+
+def guess():
+    case = make_case("random-search", noise="gaussian-0.2", steps=200)
+    return learned_policy(case, 0, 0, case.settings.agent(None)), case
+
+
+def test_watching_prints_every_trial_and_how_they_went(learned, capsys):
+    policy, case = guess()
+    played = watch_play(policy, case, 3, 0)
+    lines = capsys.readouterr().out.splitlines()
+    assert [int(line.split()[2]) for line in lines[:3]] == [trial.steps for trial in played]
+    steps = sorted(trial.steps for trial in played)
+    assert lines[3] == (
+        f"balanced in 0 of 3 trials; steps: mean {sum(steps) / 3:.1f}, median {steps[1]}, "
+        f"shortest {steps[0]}"
+    )
+
+
+def test_a_video_has_a_picture_of_every_step(tmp_path, capsys):
+    policy, case = guess()
+    played = watch_play(policy, case, 2, 0, str(tmp_path / "film.gif"))
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.size == (WIDTH, HEIGHT)
+        shown = 0
+        for i in range(film.n_frames):  # equal pictures are one that lasts longer
+            film.seek(i)
+            shown += film.info["duration"] / 20
+    assert shown == sum(trial.steps + 1 + PAUSE for trial in played)
+    assert "balanced in 0 of 2 trials" in capsys.readouterr().out
+
+
+@pytest.fixture
+def _display(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.quit()
+    yield
+    pygame.quit()
+
+
+@pytest.mark.usefixtures("_display")
+def test_a_window_shows_the_trials_and_may_be_closed(capsys, monkeypatch):
+    policy, case = guess()
+    played = watch_play(policy, case, 1, 0, window=True)
+    assert len(played) == 1
+    assert "balanced in 0 of 1 trials" in capsys.readouterr().out
+
+    def post(scene):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_q))
+        return np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+
+    monkeypatch.setattr("upright.play.picture", lambda _, scene: post(scene))
+    assert watch_play(policy, case, 1, 0, window=True) == []
+    assert capsys.readouterr().out == "no trial was played to its end\n"
+    assert State(*policy.memory.weights) == State(0, 0, 0, 0)
