@@ -1,3 +1,7 @@
 """Upright: learning to balance an inverted pendulum."""
 
+from upright.registration import register_environments
+
 __version__ = "0.1.0"
+
+register_environments()

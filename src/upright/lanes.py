@@ -66,6 +66,8 @@ class Outcome(NamedTuple):
     """Shape (n,), bool."""
     truncations: np.ndarray
     """Shape (n,), bool."""
+    states: np.ndarray
+    """True states; shape (4, n), or (4, 0) if not asked for, float64."""
     final_observations: np.ndarray
     """Observations before lanes that ended began again; (4, n), or (4, 0) if not asked for."""
     final_states: np.ndarray
@@ -110,8 +112,8 @@ def make_lanes(count: int) -> Lanes:
     )
 
 
-def seed_words(seed: int | None) -> np.ndarray:
-    """Return the state of a lane's random stream, shape (4,); of a random one if seed is None."""
+def seed_words(seed: np.random.SeedSequence) -> np.ndarray:
+    """Return the state in which a lane's random stream begins, shape (4,)."""
     words: np.ndarray = np.random.SFC64(seed).state["state"]["state"]
     return words
 
@@ -151,13 +153,16 @@ def step_lanes(rules: Rules, lanes: Lanes, actions: np.ndarray, outcome: Outcome
         if rules.autoreset == SAME_STEP:
             due = list_ended(lanes, first, end)
             copy_part(outcome.observations, outcome.final_observations, first, end)
-            copy_part(lanes.states, outcome.final_states, first, end)
+            if outcome.final_states.shape[1] > 0:
+                copy_part(lanes.states, outcome.final_states, first, end)
         for k in range(due):
             if rules.autoreset == NEXT_STEP:
                 copy_column(lanes.kept_words, k, lanes.words, lanes.due[k])
             draw_state(rules, lanes, lanes.due[k])
             begin(rules, lanes, outcome.observations, lanes.due[k])
         begun += due
+        if outcome.states.shape[1] > 0:
+            copy_part(lanes.states, outcome.states, first, end)
     return begun
 
 
@@ -267,7 +272,11 @@ def move(rules, lanes, first, end):  # type: ignore[no-untyped-def]
 def judge(rules, lanes, outcome, first, end):  # type: ignore[no-untyped-def]
     """Set rewards and ends of a part; lanes whose episodes had ended before make no step."""
     x, x_dot, theta, theta_dot = rows(lanes.states, first, end)
-    steps, ended, rewards = lanes.steps[first:end], lanes.ended[first:end], outcome.rewards[first:end]
+    steps, ended, rewards = (
+        lanes.steps[first:end],
+        lanes.ended[first:end],
+        outcome.rewards[first:end],
+    )
     terminations = outcome.terminations[first:end]
     truncations = outcome.truncations[first:end]
     for i in range(len(steps)):
