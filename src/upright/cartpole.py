@@ -19,10 +19,6 @@ from upright.elementary import SMALL, sine_cosine, small_sine_cosine
 from upright.errors import UprightError, require
 
 
-PART = 512
-"""Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
-
-
 class State(NamedTuple):
     """State of the plant, or a measurement of it."""
 
@@ -195,11 +191,18 @@ def _step_small(parameters: Parameters, state: State, force: float) -> State:
     return _euler(parameters, state, acceleration)
 
 
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""States of many cart-poles: their x, x_dot, theta and theta_dot."""
+PART = 512
+"""Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
+
+
 def _loop(advance: Callable[[Parameters, State, float], State]) -> Callable[..., None]:
     """Return a loop over many cart-poles, written once for the steps that it is made for."""
 
     @compiled
-    def loop(parameters, x, x_dot, theta, theta_dot, forces):  # type: ignore[no-untyped-def]
+    def loop(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
+        x, x_dot, theta, theta_dot = states
         for i in range(len(forces)):
             before = State(x[i], x_dot[i], theta[i], theta_dot[i])
             x[i], x_dot[i], theta[i], theta_dot[i] = advance(parameters, before, forces[i])
@@ -211,16 +214,16 @@ _small_loop, _any_loop = _loop(_step_small), _loop(step)
 
 
 @compiled
-def step_part(parameters, states, forces):  # type: ignore[no-untyped-def]
+def step_part(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
     """Advance at most PART cart-poles, given the four rows of their states, as `step_many` does."""
-    x, x_dot, theta, theta_dot = states
+    theta = states[2]
     others = 0
     for i in range(len(theta)):
         others += 1 if abs(theta[i]) > SMALL else 0
     if others == 0 and parameters.integrator == Integrator.EULER:
-        _small_loop(parameters, x, x_dot, theta, theta_dot, forces)
+        _small_loop(parameters, states, forces)
     else:
-        _any_loop(parameters, x, x_dot, theta, theta_dot, forces)
+        _any_loop(parameters, states, forces)
 
 
 @compiled

@@ -94,15 +94,6 @@ class Compiled:
         """Call the function from Python."""
         return self._outer(*arguments)
 
-    def entry(self, *arguments: Any) -> Callable[..., Any]:
-        """Return the machine code for arguments like these.
-
-        A call of it takes a quarter of the time, as nobody looks which types it is given: they must
-        be the same.
-        """
-        code: Callable[..., Any] = self._outer.compile(tuple(map(numba.typeof, arguments)))
-        return code
-
     def __get__(self, instance: object, owner: type | None = None) -> Any:
         return self if instance is None else MethodType(self, instance)
 
@@ -130,6 +121,16 @@ def inlined(function: F) -> F:
     For a function so small that the way from Python into compiled code would cost more than it.
     """
     return cast(F, Compiled(function, small=True))
+
+
+def machine_code(function: F, *arguments: Any) -> F:
+    """Return the machine code of a compiled function for arguments like these.
+
+    A call of it takes a quarter of the time, as nobody looks which types it is given: they must be
+    the same.
+    """
+    outer: Any = cast(Compiled, function)._outer
+    return cast(F, outer.compile(tuple(map(numba.typeof, arguments))))
 
 
 def is_compiled(thing: object) -> bool:

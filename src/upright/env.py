@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from upright import lanes
 from upright.cartpole import Parameters, State, check_parameters, equations, has_fallen
+from upright.compiled import machine_code
 from upright.drawing import Scene, Window, picture, text_picture
 from upright.errors import UprightError, require, require_one_of
-from upright.lanes import Lanes, Outcome, Rules, make_lanes, reset_lanes, seed_words, step_lanes
+from upright.lanes import Outcome, Rules, make_lanes, reset_lanes, seed_words, step_lanes
 from upright.noise import NOISES, Noise, disturb, draw_start, measure
 from upright.task import STARTS
 
@@ -61,29 +62,35 @@ def make_rules(
     if isinstance(noise, str):
         require_one_of("noise", noise, NOISES)
         noise = NOISES[noise]
-    for name, value in noise._asdict().items():
-        if name != "hides_velocities":
-            require(f"noise.{name}", value, 0)
     if isinstance(start, str):
         require_one_of("start", start, STARTS)
         start = STARTS[start]
-    for name, value in start._asdict().items():
-        require(f"start.{name}", value, 0)
+    for label, values in (("noise", noise), ("start", start)):
+        for name in _numbers(values):
+            require(f"{label}.{name}", getattr(values, name), 0)
     if not isinstance(parameters, Parameters):
         for name in parameters or {}:
             require_one_of("parameter", name, Parameters._fields)
         parameters = Parameters()._replace(**(parameters or {}))
+    parameters = check_parameters(parameters)
     require_one_of("reward", reward, REWARDS)
-    floats = [float(value) for value in parameters[:-1]]
-    parameters = check_parameters(Parameters(*floats, parameters.integrator))
     return Rules(
-        parameters,
-        Noise(*map(float, noise[:-1]), noise.hides_velocities),
-        State(*map(float, start)),
+        _in_floats(parameters),
+        _in_floats(noise),
+        _in_floats(start),
         *REWARDS[reward],
         steps,
         autoreset,
     )
+
+
+def _numbers(values: Any) -> list[str]:
+    return [name for name in values._fields if name not in ("integrator", "hides_velocities")]
+
+
+def _in_floats(values: Any) -> Any:
+    """Return a tuple with float for int, which compiled code tells apart."""
+    return values._replace(**{name: float(getattr(values, name)) for name in _numbers(values)})
 
 
 def make_spaces(parameters: Parameters, continuous: bool, dtype: str) -> tuple[Box, Space[Any]]:
@@ -100,6 +107,11 @@ def make_spaces(parameters: Parameters, continuous: bool, dtype: str) -> tuple[B
     force = np.float32(parameters.force)
     actions: Space[Any] = Box(-force, force, (1,)) if continuous else Discrete(2)
     return Box(-high, high, dtype=np.dtype(dtype).type), actions
+
+
+def _check_render_mode(mode: str | None, metadata: dict[str, Any]) -> None:
+    if mode is not None:
+        require_one_of("render_mode", mode, metadata["render_modes"])
 
 
 def check_state(parameters: Parameters, state: Any) -> Array:
@@ -142,15 +154,16 @@ class StreamOfLane(np.random.SFC64):
     """What a lane draws from; its state can be compared, as Gymnasium's checks do."""
 
     @property
-    def state(self) -> dict[str, Any]:
+    def state(self) -> Any:
         """All that determines what is drawn next, in plain numbers."""
-        whole: dict[str, Any] = super().state
+        whole = super().state
         return whole | {"state": {"state": tuple(whole["state"]["state"].tolist())}}
 
     @state.setter
-    def state(self, value: dict[str, Any]) -> None:
+    def state(self, value: Any) -> None:
         words = np.array(value["state"]["state"], np.uint64)
-        np.random.SFC64.state.__set__(self, value | {"state": {"state": words}})  # type: ignore[attr-defined]
+        whole = value | {"state": {"state": words}}
+        np.random.SFC64.state.__set__(self, whole)  # type: ignore[attr-defined]
 
 
 class CartPoleEnv(gymnasium.Env[Array, Any]):
@@ -198,7 +211,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         dtype: str = "float32",
         render_mode: str | None = None,
     ) -> None:
-        require_one_of("render_mode", render_mode, [*self.metadata["render_modes"], None])
+        _check_render_mode(render_mode, self.metadata)
         self.rules = make_rules(noise, start, parameters, reward)
         self.observation_space, self.action_space = make_spaces(
             self.rules.parameters, continuous, dtype
@@ -269,11 +282,8 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         limit = self.rules.parameters.force
         if self.continuous:
             asked = np.asarray(action)
-            if (
-                asked.shape == (1,)
-                and asked.dtype.kind in "fiu"
-                and abs(asked[0]) <= _widest(limit)
-            ):
+            is_number = asked.shape == (1,) and asked.dtype.kind in "fiu"
+            if is_number and abs(asked[0]) <= np.float32(limit):
                 return float(asked[0])
         elif self.action_space.contains(action):
             return limit if action == 1 else -limit
@@ -329,11 +339,6 @@ def is_noisy(noise: Noise) -> bool:
     return noise != Noise()
 
 
-def _widest(force: float) -> float:
-    """Return the largest force [N] in the action space, whose numbers are float32."""
-    return float(np.float32(force))
-
-
 def _one_state(parameters: Parameters, state: Any) -> list[float]:
     states = check_state(parameters, state)
     if states.ndim != 1:
@@ -386,14 +391,15 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         if max_episode_steps in (None, -1):
             max_episode_steps = NO_LIMIT
         require("max_episode_steps", max_episode_steps, 1, NO_LIMIT, whole=True)
-        require_one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _VALUES)
-        require_one_of("render_mode", render_mode, ("rgb_array", "ansi", None))
+        if not isinstance(autoreset_mode, AutoresetMode):
+            require_one_of("autoreset_mode", autoreset_mode, [mode.value for mode in MODES])
         mode = AutoresetMode(autoreset_mode)
         self.metadata = {
             "render_modes": ["rgb_array", "ansi"],
             "render_fps": FRAMES_PER_SECOND,
             "autoreset_mode": mode,
         }
+        _check_render_mode(render_mode, self.metadata)
         self.render_mode, self.num_envs = render_mode, num_envs
         self.rules = make_rules(noise, start, parameters, reward, max_episode_steps, MODES[mode])
         self.single_observation_space, self.single_action_space = make_spaces(
@@ -531,7 +537,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         if self._observations is None:
             raise ResetNeeded("no episode has begun; call reset() before step()")
         actions = np.zeros(self.action_space.shape or (), self.action_space.dtype)
-        return step_lanes.entry(self.rules, self._lanes, actions, self._new_outcome())
+        return machine_code(step_lanes, self.rules, self._lanes, actions, self._new_outcome())
 
     def _new_block(self) -> Array:
         return np.empty((4, self.num_envs), self.dtype)
@@ -619,6 +625,3 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: all but the machine code."""
         return self.__dict__ | {"_step": None}
-
-
-_VALUES = [mode.value for mode in AutoresetMode]

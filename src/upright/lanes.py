@@ -84,15 +84,15 @@ class Stream(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     c: np.ndarray
-    count: np.ndarray
+    counter: np.ndarray
     lane: int
 
     @compiled
-    def random(self):  # type: ignore[no-untyped-def]
+    def random(self):
         """Return a number from 0 to below 1."""
-        a, b, c, count, i = self
-        word = a[i] + b[i] + count[i]
-        count[i] += np.uint64(1)
+        a, b, c, counter, i = self
+        word = a[i] + b[i] + counter[i]
+        counter[i] += np.uint64(1)
         a[i] = b[i] ^ (b[i] >> np.uint64(11))
         b[i] = c[i] + (c[i] << np.uint64(3))
         c[i] = ((c[i] << np.uint64(24)) | (c[i] >> np.uint64(40))) + word
@@ -189,19 +189,19 @@ def reset_lanes(
 
 
 @compiled
-def stream(words, i):  # type: ignore[no-untyped-def]
+def stream(words, i):
     """Return the random numbers of a lane."""
     return Stream(words[0], words[1], words[2], words[3], i)
 
 
 @compiled
-def rows(array, first, end):  # type: ignore[no-untyped-def]
+def rows(array, first, end):
     """Return the four rows of a part of the lanes; to functions that compiled code calls only."""
     return array[0, first:end], array[1, first:end], array[2, first:end], array[3, first:end]
 
 
 @compiled
-def copy_part(source, target, first, end):  # type: ignore[no-untyped-def]
+def copy_part(source, target, first, end):
     """Copy the four rows of a part."""
     for row in range(4):
         copied, copies = source[row, first:end], target[row, first:end]
@@ -210,14 +210,14 @@ def copy_part(source, target, first, end):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def copy_column(source, i, target, k):  # type: ignore[no-untyped-def]
+def copy_column(source, i, target, k):
     """Copy what belongs to one lane."""
     for row in range(4):
         target[row, k] = source[row, i]
 
 
 @compiled
-def count_true(flags):  # type: ignore[no-untyped-def]
+def count_true(flags):
     """Return how many are true."""
     count = 0
     for i in range(len(flags)):
@@ -226,19 +226,19 @@ def count_true(flags):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def count_wrong(force, actions):  # type: ignore[no-untyped-def]
+def count_wrong(force, actions):
     """Return how many actions are not allowed."""
     wrong = 0
     for i in range(len(actions)):
         if actions.ndim == 1:
             wrong += 1 if (actions[i] < 0) | (actions[i] > 1) else 0
         else:
-            wrong += 1 if not abs(actions[i, 0]) <= force else 0
+            wrong += 1 if not abs(actions[i, 0]) <= np.float32(force) else 0
     return wrong
 
 
 @compiled
-def list_ended(lanes, first, end):  # type: ignore[no-untyped-def]
+def list_ended(lanes, first, end):
     """List the lanes of a part whose episodes have ended; return how many."""
     count, ended = 0, lanes.ended[first:end]
     for i in range(len(ended)):  # without a branch, which nothing could predict
@@ -248,7 +248,7 @@ def list_ended(lanes, first, end):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def push(rules, lanes, actions, first, end):  # type: ignore[no-untyped-def]
+def push(rules, lanes, actions, first, end):
     """Set the forces that act on a part."""
     forces, chosen, force = lanes.forces[: end - first], actions[first:end], rules.parameters.force
     for i in range(len(chosen)):
@@ -257,19 +257,19 @@ def push(rules, lanes, actions, first, end):  # type: ignore[no-untyped-def]
         else:
             forces[i] = chosen[i, 0]
     if rules.noise.actuator > 0.0:
-        a, b, c, count = rows(lanes.words, first, end)
+        a, b, c, counter = rows(lanes.words, first, end)
         for i in range(len(forces)):
-            forces[i] = disturb(rules.noise, forces[i], Stream(a, b, c, count, i))
+            forces[i] = disturb(rules.noise, forces[i], Stream(a, b, c, counter, i))
 
 
 @compiled
-def move(rules, lanes, first, end):  # type: ignore[no-untyped-def]
+def move(rules, lanes, first, end):
     """Move the cart-poles of a part."""
     step_part(rules.parameters, rows(lanes.states, first, end), lanes.forces[: end - first])
 
 
 @compiled
-def judge(rules, lanes, outcome, first, end):  # type: ignore[no-untyped-def]
+def judge(rules, lanes, outcome, first, end):
     """Set rewards and ends of a part; lanes whose episodes had ended before make no step."""
     x, x_dot, theta, theta_dot = rows(lanes.states, first, end)
     steps, ended, rewards = (
@@ -290,7 +290,7 @@ def judge(rules, lanes, outcome, first, end):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def see_part(noise, lanes, observations, first, end):  # type: ignore[no-untyped-def]
+def see_part(noise, lanes, observations, first, end):
     """Measure a part; with what is known of the noise, so that no lane need ask."""
     states, words = rows(lanes.states, first, end), rows(lanes.words, first, end)
     seen = rows(observations, first, end)
@@ -309,18 +309,18 @@ def see_part(noise, lanes, observations, first, end):  # type: ignore[no-untyped
 
 
 @compiled
-def see(noise, states, words, seen):  # type: ignore[no-untyped-def]
+def see(noise, states, words, seen):
     """Measure lanes."""
     x, x_dot, theta, theta_dot = states
-    a, b, c, count = words
+    a, b, c, counter = words
     for i in range(len(x)):
         true = State(x[i], x_dot[i], theta[i], theta_dot[i])
-        observation = measure(noise, true, Stream(a, b, c, count, i))
+        observation = measure(noise, true, Stream(a, b, c, counter, i))
         seen[0][i], seen[1][i], seen[2][i], seen[3][i] = observation
 
 
 @compiled
-def draw_state(rules, lanes, i):  # type: ignore[no-untyped-def]
+def draw_state(rules, lanes, i):
     """Put a lane into a start state."""
     state = draw_start(rules.start, stream(lanes.words, i))
     for row in range(4):
@@ -328,7 +328,7 @@ def draw_state(rules, lanes, i):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def begin(rules, lanes, observations, i):  # type: ignore[no-untyped-def]
+def begin(rules, lanes, observations, i):
     """Begin an episode of a lane from the state it is in, with a measurement."""
     states = lanes.states
     lanes.steps[i] = 0

@@ -39,12 +39,12 @@ def _register() -> None:
 class _Watch(MetaPathFinder):
     """Registers the environments when Gymnasium has been imported."""
 
-    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, *_: Any) -> ModuleSpec | None:
         """Find Gymnasium as anybody would, but note when it is executed."""
-        if fullname != "gymnasium":
+        if name != "gymnasium":
             return None
         sys.meta_path.remove(self)
-        found = find_spec(fullname)
+        found = find_spec(name)
         if found is not None and found.loader is not None:
             execute = found.loader.exec_module
 
