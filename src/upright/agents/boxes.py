@@ -12,6 +12,9 @@ import numpy as np
 from upright.compiled import compiled
 from upright.errors import UprightError, require
 
+MOST_EDGES, MOST_BOXES = 100, 10**6
+"""Of one measurement, and of all. Finer cuts take long to compile and much memory."""
+
 
 def degrees(*edges: float) -> tuple[float, ...]:
     """Return edges given in degrees [rad]."""
@@ -42,14 +45,20 @@ def edges_of(settings: Any) -> dict[str, tuple[float, ...]]:
 
 
 def check_edges(settings: Any) -> None:
-    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±."""
+    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±.
+
+    They must be no more than MOST_EDGES, and make no more than MOST_BOXES.
+    """
     for name, edges in edges_of(settings).items():
+        require(f"the number of {name}", len(edges), 0, MOST_EDGES, whole=True)
         for edge in edges:
-            require(f"an edge in {name}", edge, -1e6)
+            require(f"an edge in {name}", edge, -1e6, 1e6)
         if list(edges) != sorted(set(edges)):
             raise UprightError(f"{name} is {edges!r}; its edges must ascend")
         if settings.mirrored and not np.allclose(edges, -np.flip(edges)):
             raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+    count = math.prod(len(edges) + 1 for edges in edges_of(settings).values())
+    require("the number of boxes", count, 1, MOST_BOXES, whole=True)
 
 
 class Boxes(NamedTuple):

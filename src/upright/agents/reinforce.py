@@ -35,6 +35,8 @@ BASELINE_MEMORY = 0.9
 """How much the baseline's past counts after one more episode."""
 RIDGE = 1e-3
 """Keeps the baseline's regression solvable."""
+MOST_KEPT = 5 * 10**6
+"""Steps that may be kept in all: 8 episodes of 600,000; they take a quarter of a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ class Reinforce:
         require_one_of("baseline", self.baseline, ("mean", "fitted"))
         for name in ("episodes", "kept_steps", "passes", "thinning"):
             require(name, getattr(self, name), 1, 10**6, whole=True)
+        require("episodes * kept_steps", self.episodes * self.kept_steps, 1, MOST_KEPT, whole=True)
         for name in ("momentum", "square_memory", "decay"):
             require(name, getattr(self, name), 0, 0.999999)
         require("spread", self.spread, 0)
