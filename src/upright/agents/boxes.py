@@ -4,11 +4,15 @@ For agents that learn a number for each box. Settings hold the edges; `make_boxe
 what compiled code reads.
 """
 
+import itertools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from upright.agents import forms
+from upright.cartpole import State
 from upright.compiled import compiled
 from upright.errors import UprightError, require
 
@@ -99,3 +103,11 @@ def find_box(boxes, observation):
     box = box * parts[1] + count_below(edges[1], observation.x_dot)
     box = box * parts[2] + count_below(edges[2], observation.theta)
     return box * parts[3] + count_below(edges[3], observation.theta_dot)
+
+
+def tabulate(boxes: Boxes, push_probability: Callable[[State], float]) -> forms.Table:
+    """Return a policy that is the same everywhere in a box as data: asked once in each."""
+    edges = tuple(tuple(edge for edge in some if edge < math.inf) for some in boxes.edges)
+    # A part's upper edge lies in it.
+    places = itertools.product(*((*some, math.inf) for some in edges))
+    return forms.Table(edges, tuple(push_probability(State(*place)) for place in places))

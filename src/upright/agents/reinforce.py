@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from upright.agents import forms
 from upright.agents.least_squares import factorise, solve
 from upright.compiled import compiled
 from upright.errors import require, require_one_of
@@ -274,6 +275,15 @@ class Memory(NamedTuple):
             for number in range(self.passes):
                 set_gradient(self, number % self.thinning)
                 ascend(self.adam)
+
+    def policy_form(self):
+        """Return the policy as data; the gain goes into the last weights."""
+        layers = (
+            forms.Layer(self.network.layer_1, "isrlu"),
+            forms.Layer(self.network.layer_2, "isrlu"),
+            forms.Layer(self.gain * self.network.layer_3[:, np.newaxis], "sigmoid"),
+        )
+        return forms.Network(layers, tuple(self.scales.tolist()))
 
 
 def _network(row: np.ndarray) -> Network:
