@@ -161,6 +161,10 @@ SHARED: dict[str, dict[str, Any]] = {
         "dest": "changes",
         "help": "change one setting; may be repeated",
     },
+    "--agent": {
+        "metavar": "MODULE:NAME",
+        "help": "the agent from outside that learned the policy; its code is run",
+    },
 }
 """Options that several commands have."""
 TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
@@ -307,14 +311,17 @@ def _add_show(commands: "argparse._SubParsersAction[Parser]") -> None:
     parser = _command(
         commands,
         "show",
-        "show the table of what a store holds",
+        "show the table of what a store holds, or the contract of a saved policy",
         """\
 examples:
   upright show runs.sqlite
   upright show results/runs.sqlite --format markdown --output table.md
+  upright show policy.npz                what it takes, what it gives, what it learned on
 """,
     )
-    parser.add_argument("store", metavar="STORE", help="a file written by table or reproduce")
+    parser.add_argument(
+        "source", metavar="FILE", help="a store, or a policy saved by learn --save; no code is run"
+    )
     _add_shared(parser, "--format", "--output")
     parser.set_defaults(command=show)
 
@@ -344,6 +351,7 @@ examples:
         metavar="PICTURE",
         help="png, pdf or svg (default: named after what is drawn, in this folder)",
     )
+    _add_shared(parser, "--agent")
     parser.set_defaults(command=plot)
 
 
@@ -543,13 +551,18 @@ def board(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """Carry out `upright show`."""
     from upright.errors import require_one_of
+    from upright.policy import describe, is_archive, read_header
     from upright.report import FORMATS, render, summarise
     from upright.study import stored
 
+    if is_archive(options.source):
+        require_one_of("format of a policy", options.format, ("text",))
+        _put(describe(read_header(options.source)) + "\n", options)
+        return 0
     require_one_of("format", options.format, FORMATS)
-    rows = [summarise(case, seed, results) for case, seed, results in stored(options.store)]
+    rows = [summarise(case, seed, results) for case, seed, results in stored(options.source)]
     if not rows:
-        raise UprightError(f"store is {options.store!r}; it holds no runs")
+        raise UprightError(f"store is {options.source!r}; it holds no runs")
     _put(render(rows, options.format), options)
     return 0
 
@@ -562,9 +575,9 @@ def plot(options: argparse.Namespace) -> int:
 
     output = plots.check_picture(options.output or f"{options.what}.png")
     if options.what == "policy":
-        figure = plots.plot_policies([load_policy(options.source)])
+        figure = plots.plot_policies([load_policy(options.source, options.agent)])
     elif options.what == "phases":
-        figure = plots.plot_phases(load_policy(options.source))
+        figure = plots.plot_phases(load_policy(options.source, options.agent))
     else:
         curves = options.what == "curves"
         found = stored(options.source)

@@ -15,7 +15,7 @@ from upright.policy import Policy
 from upright.published import REPORT, SI_AND_WANG, figures
 from upright.store import Result
 from upright.study import Case
-from upright.task import Task, make_task
+from upright.task import Task
 from upright.trials import trial
 
 Learned = list[tuple[Case, list[Result]]]
@@ -206,9 +206,7 @@ def play(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
 
 def plot_phases(policy: Policy) -> Figure:
     """Draw the phase portraits of cart and pole over some seconds of balancing."""
-    names = ("noise", "start", "integrator", "condition")
-    parts = {name: policy.task[name] for name in names if name in policy.task}
-    task = make_task(steps=PORTRAIT_STEPS, **parts)
+    task = policy.make_task()._replace(steps=PORTRAIT_STEPS)
     states = play(policy, task)
     seconds = np.arange(len(states)) * task.parameters.time_step
     figure = Figure((9.4, 4.2), layout="constrained")
