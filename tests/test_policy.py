@@ -420,8 +420,9 @@ def test_code_that_a_file_names_is_not_run(named, trap):
 
 
 def test_no_command_runs_code_that_a_file_names(trap, capsys):
-    for line in ("plot policy", "plot phases"):
-        assert run([*line.split(), str(trap)]) == BAD_USE
+    for line in ("plot policy", "plot phases", "export"):
+        output = [] if line.startswith("plot") else ["policy.h"]
+        assert run([*line.split(), str(trap), *output]) == BAD_USE
         assert "--agent MODULE:NAME" in capsys.readouterr().err
     assert run(["show", str(trap)]) == 0
     assert 'agent: "foreign:agent"' in capsys.readouterr().out
@@ -441,7 +442,8 @@ def test_code_that_the_caller_names_is_run(trap, capsys):
     assert Path("sprung").exists()
     assert policy.push_probability(State(0.0, 0.0, 0.0, 0.0)) == 0.5
     assert run(["plot", "policy", str(trap), "--agent", "foreign:agent"]) == 0
-    capsys.readouterr()
+    assert run(["export", str(trap), "policy.h", "--agent", "foreign:agent"]) == BAD_USE
+    assert "cannot be exported" in capsys.readouterr().err
 
 
 def test_objects_are_refused_even_of_an_agent_that_has_them(trap):

@@ -75,6 +75,7 @@ examples:
   upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             what a store of runs holds
   upright plot policy results/reinforce.npz    a picture of what was learned
+  upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings
 `upright COMMAND --help` shows more of each.
 """,
@@ -90,6 +91,7 @@ examples:
         _add_robust,
         _add_show,
         _add_plot,
+        _add_export,
         _add_agents,
         _add_tune,
     ):
@@ -355,6 +357,26 @@ examples:
     parser.set_defaults(command=plot)
 
 
+def _add_export(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "export",
+        "write a saved policy as C99 or ONNX",
+        """\
+examples:
+  upright learn reinforce --save policy.npz
+  upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
+  upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
+Both return the probability of a push to the right; docs/policies.md tells names and types.
+""",
+    )
+    parser.add_argument("policy", metavar="POLICY", help="a file saved by learn --save")
+    parser.add_argument("output", metavar="OUTPUT", help="a file that ends in .h or .onnx")
+    _add_shared(parser, "--agent")
+    parser.set_defaults(command=export)
+
+
 def _add_agents(commands: "argparse._SubParsersAction[Parser]") -> None:
     parser = _command(
         commands,
@@ -587,6 +609,17 @@ def plot(options: argparse.Namespace) -> int:
         figure = plots.plot_curves(learned) if curves else plots.plot_trials(learned)
     plots.save(figure, output)
     print(f"picture: {output}")
+    return 0
+
+
+def export(options: argparse.Namespace) -> int:
+    """Carry out `upright export`."""
+    from upright.export import check_export, export_policy
+    from upright.policy import load_policy
+
+    check_export(options.output)
+    export_policy(options.output, load_policy(options.policy, options.agent))
+    print(f"exported: {options.output}")
     return 0
 
 
