@@ -107,6 +107,9 @@ def folder(tmp_path, monkeypatch):
         ("plot policy text", ["'text'", "no file of a policy"]),
         ("plot curves foreign", ["'foreign'", "another program"]),
         ("plot trials text --output trials.doc", [".doc", ".svg"]),
+        ("export absent.npz policy.h", ["'absent.npz'", "no such file"]),
+        ("export text policy.doc", [".doc", ".h", ".onnx"]),
+        ("export text policy.h", ["'text'", "no file of a policy"]),
         ("plot shapes text", ["'shapes'", "curves"]),
         ("dance", ["'dance'", "learn"]),
         ("", ["COMMAND"]),
@@ -194,7 +197,7 @@ def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
 
 
 def test_help_of_every_command_teaches_by_example(capsys):
-    for command in ("", "learn", "play", "table", "reproduce", "show", "plot", "agents"):
+    for command in ("", "learn", "play", "table", "reproduce", "show", "plot", "export", "agents"):
         with pytest.raises(SystemExit) as ended:
             run([*command.split(), "--help"])
         assert ended.value.code == 0

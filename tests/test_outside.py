@@ -415,7 +415,7 @@ def test_a_policy_from_outside_is_saved_and_played(compiled_case, tmp_path, caps
     path = tmp_path / "policy.npz"
     line = f"learn {compiled_case.agent} --steps 300 --condition delay-1 --save {path} --quiet"
     run(line.split())
-    policy = load_policy(path)
+    policy = load_policy(path, agent=compiled_case.agent)
     memory = make_run(make_case(compiled_case.agent, steps=300, condition="delay-1"), 0, 0)[0]
     assert policy.memory.tried.tolist() == memory.tried.tolist()
     assert policy.task["condition"] == "delay-1"
@@ -446,11 +446,11 @@ def test_a_policy_whose_agent_is_gone_or_another_is_refused(compiled_case, write
     write(PLAIN + "\n    climber = Climber\n", name)
     forget(name)
     with pytest.raises(UprightError, match=r"policy\.npz.*it cannot be read"):
-        load_policy(path)
+        load_policy(path, agent=f"{name}:climber")
     (tmp_path / f"{name}.py").unlink()
     forget(name)
     with pytest.raises(UprightError, match=rf"policy\.npz.*there is no module '{name}'"):
-        load_policy(path)
+        load_policy(path, agent=f"{name}:climber")
 
 
 def test_agents_tells_of_an_agent_from_outside(write, capsys):

@@ -1,30 +1,68 @@
+import io
 import json
+import sys
+import tracemalloc
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from upright.cartpole import State
+from upright.agents import AGENTS, named_settings
+from upright.agents.reinforce import MOST_KEPT, Reinforce
+from upright.cartpole import Parameters, State
+from upright.cli import BAD_USE, run
 from upright.errors import UprightError
 from upright.plots import play
-from upright.policy import learned_policy, load_policy, save_policy
+from upright.policy import FORMAT, describe, learned_policy, load_policy, read_header, save_policy
 from upright.study import make_case, make_run
 
-AGENTS = ("reinforce", "q-learning", "random-search")
+TASK = {
+    "noise": "none",
+    "start": "random",
+    "steps": 2000,
+    "integrator": "euler",
+    "condition": "nominal",
+    "seed": 0,
+    "run": 0,
+}
 
 
 def learn(agent):
     case = make_case(agent, steps=2000)
     memory, result = make_run(case, 0, 0)
-    return case, result, learned_policy(case, 0, 0, memory)
-
-
-@pytest.mark.parametrize("agent", AGENTS)
-def test_a_policy_read_back_balances_alike(agent, tmp_path):
-    case, result, policy = learn(agent)
     assert result.success
+    return case, learned_policy(case, 0, 0, memory)
+
+
+@pytest.fixture(scope="module", params=AGENTS)
+def learned(request):
+    return learn(request.param)
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    """The file of a small policy, that of random search."""
+    path = tmp_path_factory.mktemp("policy") / "policy.npz"
+    case, policy = learn("random-search")
+    save_policy(path, policy, case.settings)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def path(content, tmp_path):
+    """That file, to be damaged."""
+    path = tmp_path / "policy.npz"
+    path.write_bytes(content)
+    return path
+
+
+def test_a_policy_read_back_balances_alike(learned, tmp_path):
+    case, policy = learned
     save_policy(tmp_path / "policy.npz", policy, case.settings)
     again = load_policy(tmp_path / "policy.npz")
-    assert again.task == policy.task
+    assert again.task == policy.task == TASK
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
         assert again.push_probability(point) == policy.push_probability(State(*point))
     states = play(again, case.task())
@@ -33,34 +71,140 @@ def test_a_policy_read_back_balances_alike(agent, tmp_path):
 
 
 def test_playing_teaches_nothing():
-    case, _, policy = learn("reinforce")
+    case, policy = learn("reinforce")
     before = [array.copy() for array in policy.memory.network]
     play(policy, case.task()._replace(steps=100_000), seed=3)
     for array, old in zip(policy.memory.network, before, strict=True):
         np.testing.assert_array_equal(array, old)
 
 
-def damage_cut(path):
-    path.write_bytes(path.read_bytes()[:-100])
+# ------------------------------------------------------------------------------ contract
 
 
-def damage_middle(path):
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    path.write_bytes(content)
+def test_the_file_holds_its_contract(learned, tmp_path, capsys):
+    case, policy = learned
+    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    header = read_header(tmp_path / "policy.npz")
+    assert header.pop("format") == FORMAT
+    assert header.pop("settings") == json.loads(json.dumps(asdict(case.settings)))
+    assert header == policy.contract()
+    assert header["observation"] == ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
+    assert "right (+F)" in header["action"]
+    assert header["force [N]"] == Parameters().force
+    assert header["time step [s]"] == Parameters().time_step
+    assert header["task"] == TASK
+    assert ("history" in header) == (case.agent == "adaptive-lqr")
+    assert run(["show", str(tmp_path / "policy.npz")]) == 0
+    assert describe(policy.contract()) in capsys.readouterr().out
+
+
+def test_the_contract_tells_the_normalisation_by_the_settings():
+    told = {}
+    for agent in ("reinforce", "q-learning", "random-search"):
+        case = make_case(agent)
+        memory = case.settings.agent(np.random.default_rng(0))
+        told[agent] = learned_policy(case, 0, 0, memory).contract()["normalisation"]
+    settings = named_settings("reinforce")["default"]
+    scales = [settings.x_scale, settings.x_dot_scale, settings.theta_scale]
+    assert told["reinforce"] == {"divided by": [*scales, settings.theta_dot_scale]}
+    settings = named_settings("q-learning")["default"]
+    edges = [settings.x_edges, settings.x_dot_edges, settings.theta_edges, settings.theta_dot_edges]
+    assert told["q-learning"] == {"cut at": [list(some) for some in edges]}
+    assert told["random-search"] == "none"
+
+
+def test_show_of_a_policy_is_text_that_no_terminal_obeys(path, capsys):
+    change_header(lambda header: header.update({"x\x1b[2J": "\x1b]0;title\x07"}))(path)
+    assert run(["show", str(path)]) == 0
+    assert capsys.readouterr().out.replace("\n", "").isprintable()
+    assert run(["show", str(path), "--format", "json"]) == BAD_USE
+    assert "format of a policy is 'json'; it must be one of text" in capsys.readouterr().err
+
+
+def test_a_file_without_the_newer_parts_of_the_contract_is_read(path):
+    def forget(header):
+        for name in ("normalisation", "force [N]", "time step [s]"):
+            header.pop(name)
+
+    change_header(forget)(path)
+    assert load_policy(path).task == TASK
+
+
+# ------------------------------------------------------------------------------ bad files
+
+
+def rewrite(path, arrays, **options):
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays, **options)
+
+
+def arrays_of(path):
+    with np.load(path) as archive:
+        return dict(archive)
+
+
+def change_arrays(change):
+    def damage(path):
+        arrays = arrays_of(path)
+        change(arrays)
+        rewrite(path, arrays)
+
+    return damage
 
 
 def change_header(change):
     def damage(path):
-        with np.load(path) as archive:
-            arrays = dict(archive)
+        arrays = arrays_of(path)
         header = json.loads(str(arrays["header"]))
         change(header)
-        arrays["header"] = np.array(json.dumps(header))
-        with path.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+        rewrite(path, arrays | {"header": np.array(json.dumps(header))})
 
     return damage
+
+
+def change_task(**values):
+    return change_header(lambda header: header["task"].update(values))
+
+
+def change_settings(**values):
+    return change_header(lambda header: header["settings"].update(values))
+
+
+def of_agent(agent, **changes):
+    """Return damage that makes the file another agent's, with bad settings."""
+
+    def change(header):
+        header["agent"] = agent
+        header["settings"] = asdict(named_settings(agent)["default"]) | changes
+
+    return change_header(change)
+
+
+def replace_header(text):
+    return change_arrays(lambda arrays: arrays.update(header=np.array(text)))
+
+
+def member(array, rest=b"", shape=None):
+    """Return a NumPy file, which may claim another shape and go on behind its end."""
+    written = io.BytesIO()
+    described = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
+    np.lib.format.write_array_header_1_0(written, described)
+    return written.getvalue() + array.tobytes() + rest
+
+
+def replace_member(name, data, packing=zipfile.ZIP_DEFLATED):
+    def damage(path):
+        with zipfile.ZipFile(path) as archive:
+            members = {each: archive.read(each) for each in archive.namelist()}
+        with zipfile.ZipFile(path, "w", packing) as archive:
+            for each, old in members.items():
+                archive.writestr(each, data if each == name else old)
+
+    return damage
+
+
+def damage_cut(path):
+    path.write_bytes(path.read_bytes()[:-100])
 
 
 def damage_pickle(path):
@@ -68,25 +212,249 @@ def damage_pickle(path):
         np.savez(file, header=np.array([{"format": "a pickled object"}], dtype=object))
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        damage_cut,
-        damage_middle,
-        damage_pickle,
-        lambda path: path.write_text("hello"),
-        lambda path: path.unlink(),
-        change_header(lambda header: header.update(format="upright policy 99")),
+def damage_twice(path):
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        archive.writestr("weights.npy", archive.read("weights.npy"))
+
+
+def damage_encrypted(path):
+    content = bytearray(path.read_bytes())
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        at = content.find(signature)
+        content[at + offset] |= 1
+    path.write_bytes(content)
+
+
+EDGES = ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges")
+BOMB = bytes(100_000_000)
+BAD_FILES = {
+    "cut": (damage_cut, "damaged"),
+    "text": (lambda path: path.write_text("hello"), "no file of a policy"),
+    "gone": (lambda path: path.unlink(), "no such file"),
+    "encrypted": (damage_encrypted, "cannot be read"),
+    "packed otherwise": (
+        replace_member("weights.npy", member(np.zeros(4)), zipfile.ZIP_LZMA),
+        "packed in an unknown way",
+    ),
+    # Objects
+    "pickled header": (damage_pickle, "its header is no text"),
+    "pickled weights": (
+        change_arrays(lambda arrays: arrays.update(weights=np.array([print] * 4, dtype=object))),
+        "weights is object",
+    ),
+    # Members
+    "missing": (change_arrays(lambda arrays: arrays.pop("weights")), r"\['weights.npy'\]"),
+    "extra": (change_arrays(lambda arrays: arrays.update(more=np.zeros(1))), r"\['more.npy'\]"),
+    "twice": (damage_twice, "twice"),
+    "no header": (change_arrays(lambda arrays: arrays.pop("header")), "header.npy"),
+    "no array": (replace_member("weights.npy", b"hello" * 99), "magic"),
+    # Arrays
+    "shape": (
+        change_arrays(lambda arrays: arrays.update(weights=np.zeros(5))),
+        r"weights is float64 of shape \(5,\); it must be float64 of shape \(4,\)",
+    ),
+    "type": (
+        change_arrays(lambda arrays: arrays.update(weights=np.zeros(4, np.float32))),
+        "weights is float32",
+    ),
+    "infinite": (
+        change_arrays(lambda arrays: arrays.update(weights=np.array([0, 1, np.inf, 0]))),
+        "weights holds a number that is not finite",
+    ),
+    "not a number": (
+        change_arrays(lambda arrays: arrays.update(scales=np.full(4, np.nan))),
+        "scales holds a number that is not finite",
+    ),
+    "claims much": (
+        replace_member("weights.npy", member(np.zeros(4), shape=(10**10,))),
+        r"weights is float64 of shape \(10000000000,\)",
+    ),
+    "holds much": (replace_member("weights.npy", member(np.zeros(4), BOMB)), "longer"),
+    "holds little": (replace_member("weights.npy", member(np.zeros(4))[:-1]), "shorter"),
+    # Header
+    "no JSON": (replace_header("{format"), "cannot be read"),
+    "no dictionary": (replace_header("[1, 2]"), "its format is"),
+    "deep": (replace_header("[" * 100_000), "cannot be read"),
+    "empty header": (replace_header(""), "cannot be read"),
+    "long header": (replace_header("x" * 2_000_000), "no text of at most"),
+    "header of numbers": (replace_header(3.0), "no text"),
+    "header claims much": (
+        replace_member("header.npy", member(np.array("{}"), shape=(10**10,))),
+        "no text",
+    ),
+    "header holds much": (replace_member("header.npy", member(np.array("{}"), BOMB)), "longer"),
+    "no character": (
+        replace_member("header.npy", member(np.array("{}")).replace(b"{", b"\xff" * 4)),
+        "cannot be read",
+    ),
+    "format": (change_header(lambda header: header.update(format="upright policy 99")), FORMAT),
+    "no format": (change_header(lambda header: header.pop("format")), FORMAT),
+    "no agent": (change_header(lambda header: header.pop("agent")), "agent"),
+    "agents": (change_header(lambda header: header.update(agent=["os:system"])), "agent"),
+    "no task": (change_header(lambda header: header.update(task=None)), "task"),
+    "unknown agent": (
         change_header(lambda header: header.update(agent="nobody")),
-        change_header(lambda header: header["settings"].update(x_scale=-1)),
-        change_header(lambda header: header["settings"].pop("x_scale")),
-        change_header(lambda header: header["settings"].update(tempo=1)),
-    ],
-)
-def test_a_damaged_policy_is_refused(damage, tmp_path):
-    case, _, policy = learn("random-search")
-    path = tmp_path / "policy.npz"
-    save_policy(path, policy, case.settings)
+        "'nobody'; it must be one of adaptive-lqr",
+    ),
+    "agent's path": (change_header(lambda header: header.update(agent="../x")), "must be one of"),
+    # Contract
+    "units": (
+        change_header(lambda header: header["observation"].__setitem__(2, "theta [deg]")),
+        r"its header says of observation: .*\[deg\].*must be .*\[rad\]",
+    ),
+    "force": (
+        change_header(lambda header: header.update({"force [N]": 1.0})),
+        r"force \[N\]: 1.0; it must be 10.0",
+    ),
+    # Task
+    "noise": (change_task(noise="loud"), "noise is 'loud'; it must be one of none"),
+    "start": (change_task(start=1), "start is 1; it must be one of random"),
+    "integrator": (change_task(integrator=["euler"]), "integrator is"),
+    "condition": (change_task(condition="*/ #error"), "condition is"),
+    "steps": (change_task(steps=10**12), "steps is"),
+    "seed": (change_task(seed="*/"), "seed is"),
+    "more of a task": (change_task(weather="fair"), "its task must tell noise"),
+    # Settings
+    "impossible": (change_settings(x_scale=-1), "x_scale is -1; it must be a number, above 0"),
+    "endless": (change_settings(x_scale=float("inf")), "x_scale is inf"),
+    "too large": (change_settings(x_scale=10**400), "cannot be read"),
+    "words": (change_settings(x_scale="1"), "x_scale is '1'; it must be like 2.4"),
+    "unknown": (change_settings(tempo=1), "the settings .*'tempo' are not those of random-search"),
+    "lacking": (change_header(lambda header: header["settings"].pop("x_scale")), "are not those"),
+    "many steps": (
+        of_agent("reinforce", episodes=10**6, kept_steps=10**6),
+        r"episodes \* kept_steps is 1000000000000; it must be .* at most 5,000,000",
+    ),
+    "many edges": (
+        of_agent("q-learning", mirrored=False, x_edges=[i / 1000 for i in range(1000)]),
+        "the number of x_edges is 1000; it must be .* at most 100",
+    ),
+    "many boxes": (
+        of_agent("ase-ace", mirrored=False, **{name: [*range(90)] for name in EDGES}),
+        "the number of boxes is 68574961; it must be .* at most 1,000,000",
+    ),
+    "no truth": (of_agent("q-learning", mirrored="yes"), "mirrored is 'yes'; it must be like True"),
+    "large network": (of_agent("ndp", hidden=10**9), "hidden is 1000000000"),
+}
+
+
+@pytest.mark.parametrize(("damage", "said"), BAD_FILES.values(), ids=BAD_FILES)
+def test_a_bad_file_is_refused_at_no_cost(damage, said, path):
     damage(path)
-    with pytest.raises(UprightError, match=r"policy\.npz"):
+    tracemalloc.start()
+    with pytest.raises(UprightError, match=rf"policy\.npz.*{said}") as error:
         load_policy(path)
+    assert "\n" not in str(error.value)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+def test_whatever_byte_is_damaged_the_policy_is_the_same_or_refused(content, path):
+    expected = load_policy(path).memory.weights.tolist()
+    refused = 0
+    for i in range(len(content)):
+        path.write_bytes(content[:i] + bytes([content[i] ^ 0x55]) + content[i + 1 :])
+        try:
+            assert load_policy(path).memory.weights.tolist() == expected
+        except UprightError:
+            refused += 1
+    assert refused > len(content) / 2
+
+
+def test_the_largest_settings_take_a_quarter_of_a_gigabyte():
+    settings = Reinforce(episodes=MOST_KEPT // 10**6, kept_steps=10**6)
+    episodes = settings.agent(np.random.default_rng(0)).episodes
+    assert sum(array.nbytes for array in episodes) < 2**28
+
+
+# ------------------------------------------------------------------------------ foreign code
+
+TRAP = """\
+from pathlib import Path
+
+import numpy as np
+from typing import NamedTuple
+
+Path("sprung").touch()
+
+
+class Agent(NamedTuple):
+    weights: np.ndarray
+
+    def push_probability(self, observation): return 0.5
+    def begin_trial(self, rng): ...
+    def act(self, observation, rng): ...
+    def learn(self, before, action, after, fallen): ...
+    def end_trial(self, fallen): ...
+
+
+def agent(rng):
+    return Agent(np.zeros(4))
+"""
+
+
+@pytest.fixture
+def trap(path, monkeypatch):
+    """A policy whose agent is a module in this folder; it leaves a file when it is imported."""
+    monkeypatch.chdir(path.parent)
+    monkeypatch.syspath_prepend(str(path.parent))
+    Path("foreign.py").write_text(TRAP)
+
+    def change(header):
+        for name in ("normalisation", "history"):
+            header.pop(name, None)
+        header.update(agent="foreign:agent", settings={"agent_name": "foreign:agent"})
+
+    change_header(change)(path)
+    change_arrays(lambda arrays: arrays.pop("scales"))(path)
+    yield path
+    sys.modules.pop("foreign", None)
+
+
+@pytest.mark.parametrize("named", [None, "other:agent", "reinforce"])
+def test_code_that_a_file_names_is_not_run(named, trap):
+    with pytest.raises(UprightError, match=r"policy\.npz.*'foreign:agent'"):
+        load_policy(trap, agent=named)
+    assert not Path("sprung").exists()
+
+
+def test_no_command_runs_code_that_a_file_names(trap, capsys):
+    for line in ("plot policy", "plot phases", "export"):
+        output = [] if line.startswith("plot") else ["policy.h"]
+        assert run([*line.split(), str(trap), *output]) == BAD_USE
+        assert "--agent MODULE:NAME" in capsys.readouterr().err
+    assert run(["show", str(trap)]) == 0
+    assert 'agent: "foreign:agent"' in capsys.readouterr().out
+    assert not Path("sprung").exists()
+
+
+def test_settings_cannot_name_other_code(trap):
+    change_settings(agent_name="foreign:agent")(trap)
+    change_header(lambda header: header.update(agent="examples.trusted:agent"))(trap)
+    with pytest.raises(UprightError, match=r"foreign:agent.*not those of 'examples.trusted:agent'"):
+        load_policy(trap, agent="examples.trusted:agent")
+    assert not Path("sprung").exists()
+
+
+def test_code_that_the_caller_names_is_run(trap, capsys):
+    policy = load_policy(trap, agent="foreign:agent")
+    assert Path("sprung").exists()
+    assert policy.push_probability(State(0.0, 0.0, 0.0, 0.0)) == 0.5
+    assert run(["plot", "policy", str(trap), "--agent", "foreign:agent"]) == 0
+    assert run(["export", str(trap), "policy.h", "--agent", "foreign:agent"]) == BAD_USE
+    assert "cannot be exported" in capsys.readouterr().err
+
+
+def test_objects_are_refused_even_of_an_agent_that_has_them(trap):
+    Path("foreign.py").write_text(TRAP.replace("np.zeros(4)", "np.zeros(4, dtype=object)"))
+    change_arrays(lambda arrays: arrays.update(weights=np.array([1] * 4, dtype=object)))(trap)
+    with pytest.raises(UprightError, match=r"weights is object .* never objects"):
+        load_policy(trap, agent="foreign:agent")
+    assert run(["learn", "foreign:agent", "--save", "mine.npz"]) == BAD_USE
+
+
+def test_an_agent_may_be_named_that_needs_no_naming(path):
+    assert load_policy(path, agent="random-search").task == TASK
+    with pytest.raises(UprightError, match="learned by 'random-search', not by 'reinforce'"):
+        load_policy(path, agent="reinforce")

@@ -76,6 +76,7 @@ examples:
   upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             what a store of runs holds
   upright plot policy results/reinforce.npz    a picture of what was learned
+  upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings
 `upright COMMAND --help` shows more of each.
 """,
@@ -92,6 +93,7 @@ examples:
         _add_robust,
         _add_show,
         _add_plot,
+        _add_export,
         _add_agents,
         _add_tune,
     ):
@@ -163,6 +165,10 @@ SHARED: dict[str, dict[str, Any]] = {
         "dest": "changes",
         "help": "change one setting; may be repeated",
     },
+    "--agent": {
+        "metavar": "MODULE:NAME",
+        "help": "the agent from outside that learned the policy; its code is run",
+    },
 }
 """Options that several commands have."""
 TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
@@ -230,6 +236,7 @@ exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked f
     _add_shared(parser, "--seed")
     parser.add_argument("--video", metavar="FILE", help="write what happens there, .mp4 or .gif")
     parser.add_argument("--window", action="store_true", help="show what happens, as it happens")
+    _add_shared(parser, "--agent")
     parser.set_defaults(command=play)
 
 
@@ -344,14 +351,17 @@ def _add_show(commands: "argparse._SubParsersAction[Parser]") -> None:
     parser = _command(
         commands,
         "show",
-        "show the table of what a store holds",
+        "show the table of what a store holds, or the contract of a saved policy",
         """\
 examples:
   upright show runs.sqlite
   upright show results/runs.sqlite --format markdown --output table.md
+  upright show policy.npz                what it takes, what it gives, what it learned on
 """,
     )
-    parser.add_argument("store", metavar="STORE", help="a file written by table or reproduce")
+    parser.add_argument(
+        "source", metavar="FILE", help="a store, or a policy saved by learn --save; no code is run"
+    )
     _add_shared(parser, "--format", "--output")
     parser.set_defaults(command=show)
 
@@ -381,7 +391,28 @@ examples:
         metavar="PICTURE",
         help="png, pdf or svg (default: named after what is drawn, in this folder)",
     )
+    _add_shared(parser, "--agent")
     parser.set_defaults(command=plot)
+
+
+def _add_export(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "export",
+        "write a saved policy as C99 or ONNX",
+        """\
+examples:
+  upright learn reinforce --save policy.npz
+  upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
+  upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
+Both return the probability of a push to the right; docs/policies.md tells names and types.
+""",
+    )
+    parser.add_argument("policy", metavar="POLICY", help="a file saved by learn --save")
+    parser.add_argument("output", metavar="OUTPUT", help="a file that ends in .h or .onnx")
+    _add_shared(parser, "--agent")
+    parser.set_defaults(command=export)
 
 
 def _add_agents(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -494,7 +525,7 @@ def play(options: argparse.Namespace) -> int:
     names = ("noise", "start", "integrator", "condition", "steps")
     given = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in given.items() if value is not None}
-    policy = load_policy(options.policy)
+    policy = load_policy(options.policy, options.agent)
     case = case_for(policy, **{"steps": steps} | changes)
     require("episodes", episodes, 1, 10**6, whole=True)
     check_study(episodes, options.seed)
@@ -605,13 +636,18 @@ def board(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """Carry out `upright show`."""
     from upright.errors import require_one_of
+    from upright.policy import describe, is_archive, read_header
     from upright.report import FORMATS, render, summarise
     from upright.study import stored
 
+    if is_archive(options.source):
+        require_one_of("format of a policy", options.format, ("text",))
+        _put(describe(read_header(options.source)) + "\n", options)
+        return 0
     require_one_of("format", options.format, FORMATS)
-    rows = [summarise(case, seed, results) for case, seed, results in stored(options.store)]
+    rows = [summarise(case, seed, results) for case, seed, results in stored(options.source)]
     if not rows:
-        raise UprightError(f"store is {options.store!r}; it holds no runs")
+        raise UprightError(f"store is {options.source!r}; it holds no runs")
     _put(render(rows, options.format), options)
     return 0
 
@@ -624,9 +660,9 @@ def plot(options: argparse.Namespace) -> int:
 
     output = plots.check_picture(options.output or f"{options.what}.png")
     if options.what == "policy":
-        figure = plots.plot_policies([load_policy(options.source)])
+        figure = plots.plot_policies([load_policy(options.source, options.agent)])
     elif options.what == "phases":
-        figure = plots.plot_phases(load_policy(options.source))
+        figure = plots.plot_phases(load_policy(options.source, options.agent))
     else:
         curves = options.what == "curves"
         found = stored(options.source)
@@ -636,6 +672,17 @@ def plot(options: argparse.Namespace) -> int:
         figure = plots.plot_curves(learned) if curves else plots.plot_trials(learned)
     plots.save(figure, output)
     print(f"picture: {output}")
+    return 0
+
+
+def export(options: argparse.Namespace) -> int:
+    """Carry out `upright export`."""
+    from upright.export import check_export, export_policy
+    from upright.policy import load_policy
+
+    check_export(options.output)
+    export_policy(options.output, load_policy(options.policy, options.agent))
+    print(f"exported: {options.output}")
     return 0
 
 

@@ -93,7 +93,7 @@ def case_for(policy: Policy, **changes: Any) -> Case:
         If a name is unknown, or a number is not allowed.
     """
     names = ("noise", "start", "integrator", "condition")
-    learned = {name: policy.task[name] for name in names if name in policy.task}
+    learned = {name: policy.task[name] for name in names}
     return make_case(policy.agent, **(learned | changes))
 
 

@@ -1,22 +1,41 @@
-"""What was learned, kept in a file and played again."""
+"""What was learned, kept in a file with its contract, and played again.
+
+The file is a NumPy archive: `header`, a text in JSON that anybody can read, and the arrays of the
+agent's memory. It may come from anywhere, so reading it executes nothing, and allocates no more
+than the settings in its header imply, which have bounds.
+"""
 
 import io
 import json
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from upright import __version__
-from upright.agents import Settings, restore_settings
+from upright.agents import Settings, is_outside, restore_settings
+from upright.agents.forms import Form
 from upright.cartpole import State
-from upright.errors import UprightError
+from upright.errors import UprightError, require
 from upright.files import write_file
 from upright.study import Case
+from upright.task import Task, make_task
 
 FORMAT = "upright policy 1"
+OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
+ACTION = "push to the right (+F) with the probability that the policy returns, else left"
+TASK = ("noise", "start", "steps", "integrator", "condition")
+"""What names a task; a policy also knows the seed and the run."""
+HEADER = {"agent": str, "task": dict, "settings": dict}
+"""What reading needs of a header besides its format; all else is for people."""
+HEADER_LIMIT = 2**20
+"""Characters that a header may have."""
+PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How arrays may be packed: so that no more is unpacked than is asked for."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +78,30 @@ class Policy:
     def end_trial(self, fallen: bool) -> None:
         """Learn nothing."""
 
+    def make_task(self) -> Task:
+        """Return the task that it learned on, in numbers."""
+        return make_task(**{name: self.task[name] for name in TASK})
+
+    @property
+    def form(self) -> Form | None:
+        """What it computes, as data; None of an agent that does not tell."""
+        return self.memory.policy_form() if hasattr(self.memory, "policy_form") else None
+
+    def contract(self) -> dict[str, Any]:
+        """Return all that one must know to use the policy, as JSON takes it."""
+        form, parameters = self.form, self.make_task().parameters
+        inputs = form.contract() if form else {"normalisation": "known to the agent alone"}
+        return {
+            "version": __version__,
+            "agent": self.agent,
+            "task": self.task,
+            "observation": OBSERVATION,
+            **inputs,
+            "action": ACTION,
+            "force [N]": parameters.force,
+            "time step [s]": parameters.time_step,
+        }
+
 
 def check_policy(case: Case) -> None:
     """Make sure that what the case's agent learns can be saved.
@@ -66,20 +109,20 @@ def check_policy(case: Case) -> None:
     Raises
     ------
     UprightError
-        If its memory is no NamedTuple, or it cannot tell the probability of a push.
+        If its memory is no NamedTuple of plain arrays, or it cannot tell the probability of a push.
     """
     agent = case.settings.agent(np.random.default_rng(0))
-    if not (hasattr(agent, "_asdict") and callable(getattr(agent, "push_probability", None))):
+    plain = hasattr(agent, "_asdict") and not any(a.dtype.hasobject for _, a in _arrays(agent))
+    if not (plain and callable(getattr(agent, "push_probability", None))):
         raise UprightError(
             f"agent is {case.agent!r}; its policy cannot be saved: that takes a NamedTuple of "
-            "arrays with the method push_probability(observation)"
+            "arrays of numbers with the method push_probability(observation)"
         )
 
 
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
-    names = ("noise", "start", "steps", "integrator", "condition")
-    task = {name: getattr(case, name) for name in names} | {"seed": seed, "run": run}
+    task = {name: getattr(case, name) for name in TASK} | {"seed": seed, "run": run}
     return Policy(case.agent, memory, task)
 
 
@@ -91,15 +134,7 @@ def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
     UprightError
         If the file cannot be written.
     """
-    header = {
-        "format": FORMAT,
-        "version": __version__,
-        "agent": policy.agent,
-        "settings": asdict(settings),
-        "task": policy.task,
-        "observation": ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"],
-        "action": "push to the right (+F) with the probability that the policy returns, else left",
-    }
+    header = {"format": FORMAT, **policy.contract(), "settings": asdict(settings)}
     written = io.BytesIO()
     np.savez_compressed(
         written,
@@ -110,43 +145,153 @@ def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
     write_file(path, written.getvalue())
 
 
-def load_policy(path: Path | str) -> Policy:
+def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     """Read a policy from a file.
 
-    Nothing in the file is executed. Of an agent from outside it holds the name, and the module of
-    this name is imported.
+    Nothing in the file is executed, and no more is unpacked than the settings in it imply.
+
+    Parameters
+    ----------
+    path
+        What `save_policy` wrote, or anything else.
+    agent
+        The agent that learned it. One from outside is code, which is imported; so it must be named
+        here, as in the file.
+
+    Raises
+    ------
+    UprightError
+        If the file is missing, damaged, not a policy, or another agent's.
+    """
+    with _opened(path) as archive:
+        header = _read_header(archive)
+        _check_agent(header["agent"], agent)
+        _check_task(header["task"])
+        settings = restore_settings(header["agent"], header["settings"])
+        memory = settings.agent(np.random.default_rng(0))
+        _fill(memory, archive, finite=not is_outside(header["agent"]))
+        policy = Policy(header["agent"], memory, header["task"])
+        _check_contract(policy, header)
+    return policy
+
+
+def read_header(path: Path | str) -> dict[str, Any]:
+    """Return what a policy's file says of itself: its contract, and the settings of its agent.
 
     Raises
     ------
     UprightError
         If the file is missing, damaged, or not a policy.
     """
+    with _opened(path) as archive:
+        return _read_header(archive)
+
+
+def describe(contract: dict[str, Any]) -> str:
+    """Return a contract or a header as text: an entry a line, in printable characters alone."""
+    return "\n".join(
+        f"{json.dumps(name)[1:-1]}: {json.dumps(value)}" for name, value in contract.items()
+    )
+
+
+def is_archive(path: Path | str) -> bool:
+    """Whether a file begins as a policy does, be it damaged further on."""
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as file:
+        return file.read(2) == b"PK"
+
+
+@contextmanager
+def _opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
+    """Open a policy's file; whatever is wrong with it becomes one clear error."""
     if not Path(path).is_file():
         raise UprightError(f"policy is {str(path)!r}; there is no such file")
     if not zipfile.is_zipfile(path):
         raise UprightError(f"policy is {str(path)!r}; it is damaged, or no file of a policy")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(str(archive["header"]))
-            if header["format"] != FORMAT:
-                raise ValueError("it is of another format")
-            settings = restore_settings(header["agent"], header["settings"])
-            memory = settings.agent(np.random.default_rng(0))
-            for name, array in _arrays(memory):
-                if archive[name].shape != array.shape:
-                    raise ValueError(f"{name} has another shape")
-                array[...] = archive[name]
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,  # an agent from outside is no NamedTuple any more
-        EOFError,
-        zipfile.BadZipFile,
-    ) as error:
-        raise UprightError(f"policy is {str(path)!r}; it cannot be read: {error}") from None
-    return Policy(header["agent"], memory, header["task"])
+        with zipfile.ZipFile(path) as archive:
+            yield archive
+    except Exception as error:  # nobody can list how a foreign file makes its readers fail
+        raise UprightError(f"policy is {str(path)!r}; it cannot be read: {error}") from error
+
+
+def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
+    if any(info.compress_type not in PACKINGS for info in archive.infolist()):
+        raise ValueError("it is packed in an unknown way")
+    with archive.open("header.npy") as member:
+        shape, _, dtype = _declared(member)
+        if shape != () or dtype.kind != "U" or dtype.itemsize > 4 * HEADER_LIMIT:
+            raise ValueError(f"its header is no text of at most {HEADER_LIMIT:,} characters")
+        header = json.loads(str(np.ndarray((), dtype, _read(member, dtype.itemsize))))
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise ValueError(f"its header does not say that its format is {FORMAT!r}")
+    for name, kind in HEADER.items():
+        if not isinstance(header.get(name), kind):
+            raise ValueError(f"its header does not tell its {name}")
+    return header
+
+
+def _check_agent(found: str, named: str | None) -> None:
+    """Make sure that no code is imported because a file says so."""
+    if named is not None and named != found:
+        raise ValueError(f"it was learned by {found!r}, not by {named!r}")
+    if named is None and is_outside(found):
+        raise ValueError(
+            f"it was learned by {found!r}, code from outside the package, which is run only if "
+            "you name it: --agent MODULE:NAME, or agent= in Python"
+        )
+
+
+def _fill(memory: Any, archive: zipfile.ZipFile, *, finite: bool) -> None:
+    """Set all arrays of a memory, having compared what is declared with what is due."""
+    arrays = _arrays(memory)
+    found, due = archive.namelist(), ["header.npy", *(f"{name}.npy" for name, _ in arrays)]
+    if sorted(found) != sorted(due):
+        odd = sorted(set(found) ^ set(due)) or "one that is there twice"
+        raise ValueError(f"it does not hold the arrays of its agent; it differs in {odd}")
+    for name, array in arrays:
+        with archive.open(f"{name}.npy") as member:
+            shape, by_columns, dtype = _declared(member)
+            if (shape, dtype) != (array.shape, array.dtype) or dtype.hasobject:
+                raise ValueError(
+                    f"{name} is {dtype} of shape {shape}; "
+                    f"it must be {array.dtype} of shape {array.shape}, and never objects"
+                )
+            data = _read(member, array.nbytes)
+        array[...] = np.ndarray(shape, dtype, data, order="F" if by_columns else "C")
+        if finite and not np.isfinite(array).all():
+            raise ValueError(f"{name} holds a number that is not finite")
+
+
+def _declared(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return what a NumPy file says it holds: shape, whether column by column, and type."""
+    if np.lib.format.read_magic(member) != (1, 0):
+        raise ValueError("it is written in an unknown way")
+    return np.lib.format.read_array_header_1_0(member)
+
+
+def _read(member: IO[bytes], size: int) -> bytes:
+    """Return the rest of a file, which must have this size; no more is unpacked."""
+    data = member.read(size + 1)
+    if len(data) != size:
+        raise ValueError(f"{member.name} is shorter or longer than it says")
+    return data
+
+
+def _check_task(task: dict[str, Any]) -> None:
+    if task.keys() != {*TASK, "seed", "run"}:
+        raise ValueError(f"its task must tell {', '.join(TASK)}, seed and run")
+    make_task(**{name: task[name] for name in TASK})
+    for name in ("seed", "run"):
+        require(name, task[name], 0, whole=True)
+
+
+def _check_contract(policy: Policy, header: dict[str, Any]) -> None:
+    """Make sure that what the file promises is what its policy does."""
+    for name, ours in policy.contract().items():
+        if name != "version" and header.get(name, ours) != ours:
+            raise ValueError(f"its header says of {name}: {header[name]!r}; it must be {ours!r}")
 
 
 def _arrays(memory: Any, prefix: str = "") -> list[tuple[str, np.ndarray]]:

@@ -31,7 +31,9 @@ from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import CONDITIONS, Task, draw_plant, make_task
 
-SHARED = ("agents/agent.py", "agents/outside.py", "agents/boxes.py", "agents/least_squares.py")
+SHARED = tuple(
+    f"agents/{name}.py" for name in ("agent", "outside", "boxes", "forms", "least_squares")
+)
 """What agents share, besides the task."""
 
 

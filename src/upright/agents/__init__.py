@@ -92,11 +92,19 @@ def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
     UprightError
         If they are not this agent's, or not allowed.
     """
-    default = _outside(agent) if is_outside(agent) else named_settings(agent)["default"]
+    if is_outside(agent):
+        if values != {"agent_name": agent}:  # another name would be other code
+            raise UprightError(f"the settings are {values!r}; they are not those of {agent!r}")
+        return _outside(agent)
+    default = named_settings(agent)["default"]
     if values.keys() != {field.name for field in fields(default)}:
-        raise UprightError(f"the settings {', '.join(values)} are not those of {agent}")
-    tuples = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
-    return replace(default, **(values | tuples))
+        raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {agent}")
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    for name, value in values.items():
+        present = getattr(default, name)
+        if not _is_like(present, value):
+            raise UprightError(f"{name} is {value!r}; it must be like {present!r}")
+    return replace(default, **values)
 
 
 def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
@@ -125,9 +133,14 @@ def _parse(name: str, text: str, present: object) -> object:
         raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
     if isinstance(present, tuple) and isinstance(value, (int, float)):
         value = (value,)
-    if type(value) is not type(present):
+    if not _is_like(present, value):
         raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
     return value
+
+
+def _is_like(present: object, value: object) -> bool:
+    """Whether a value is of the present one's kind; a whole number will do for any other."""
+    return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
 def describe_settings(settings: Settings) -> dict[str, str]:

@@ -34,14 +34,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from upright.agents import forms
+from upright.agents.forms import BLOCK
 from upright.agents.least_squares import factorise, solve
 from upright.compiled import compiled
 from upright.errors import require
 
-BLOCK = 5
-"""A push and the four measurements it was chosen on. A regressor holds a block for each of the last
-steps, the newest first, so that a step of time shifts it by this many places.
-"""
 REFIT = 1.02
 """The model is fitted anew when the data have grown by this factor."""
 
@@ -153,7 +151,9 @@ class Memory(NamedTuple):
     gains: np.ndarray
     """K, shape (5 h,); that of the present push plays no part."""
     regressor: np.ndarray
-    """What a prediction rests on: the present push, then the state z."""
+    """What a prediction rests on: the present push, then the state z. A block for each of the last
+    steps, the newest first, so that a step of time shifts it by one block.
+    """
     samples: np.ndarray
     """For how many samples the moments count; at how many the model is due to be fitted anew."""
     steps: np.ndarray
@@ -202,6 +202,12 @@ class Memory(NamedTuple):
         """Take a step into the history without learning from it."""
         complete_regressor(self, observation, action)
         shift(self)
+
+    def policy_form(self):
+        """Return the policy as data: linear in the measurement and the past steps."""
+        weights = -self.gains[1:, np.newaxis]
+        past = len(self.gains) // BLOCK - 1
+        return forms.Network((forms.Layer(weights, "above zero"),), past=past)
 
 
 @compiled

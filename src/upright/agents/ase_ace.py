@@ -37,6 +37,7 @@ from upright.agents.boxes import (
     degrees,
     find_box,
     make_boxes,
+    tabulate,
 )
 from upright.compiled import compiled
 from upright.errors import require
@@ -181,6 +182,10 @@ class Memory(NamedTuple):
     @compiled
     def end_trial(self, fallen):
         """Nothing is to be done: the fall was learned from as a step."""
+
+    def policy_form(self):
+        """Return the policy as data."""
+        return tabulate(self.boxes, self.push_probability)
 
 
 @compiled

@@ -4,13 +4,20 @@ For agents that learn a number for each box. Settings hold the edges; `make_boxe
 what compiled code reads.
 """
 
+import itertools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from upright.agents import forms
+from upright.cartpole import State
 from upright.compiled import compiled
 from upright.errors import UprightError, require
+
+MOST_EDGES, MOST_BOXES = 100, 10**6
+"""Of one measurement, and of all. Finer cuts take long to compile and much memory."""
 
 
 def degrees(*edges: float) -> tuple[float, ...]:
@@ -42,14 +49,20 @@ def edges_of(settings: Any) -> dict[str, tuple[float, ...]]:
 
 
 def check_edges(settings: Any) -> None:
-    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±."""
+    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±.
+
+    They must be no more than MOST_EDGES, and make no more than MOST_BOXES.
+    """
     for name, edges in edges_of(settings).items():
+        require(f"the number of {name}", len(edges), 0, MOST_EDGES, whole=True)
         for edge in edges:
-            require(f"an edge in {name}", edge, -1e6)
+            require(f"an edge in {name}", edge, -1e6, 1e6)
         if list(edges) != sorted(set(edges)):
             raise UprightError(f"{name} is {edges!r}; its edges must ascend")
         if settings.mirrored and not np.allclose(edges, -np.flip(edges)):
             raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+    count = math.prod(len(edges) + 1 for edges in edges_of(settings).values())
+    require("the number of boxes", count, 1, MOST_BOXES, whole=True)
 
 
 class Boxes(NamedTuple):
@@ -90,3 +103,11 @@ def find_box(boxes, observation):
     box = box * parts[1] + count_below(edges[1], observation.x_dot)
     box = box * parts[2] + count_below(edges[2], observation.theta)
     return box * parts[3] + count_below(edges[3], observation.theta_dot)
+
+
+def tabulate(boxes: Boxes, push_probability: Callable[[State], float]) -> forms.Table:
+    """Return a policy that is the same everywhere in a box as data: asked once in each."""
+    edges = tuple(tuple(edge for edge in some if edge < math.inf) for some in boxes.edges)
+    # A part's upper edge lies in it.
+    places = itertools.product(*((*some, math.inf) for some in edges))
+    return forms.Table(edges, tuple(push_probability(State(*place)) for place in places))

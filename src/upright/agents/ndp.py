@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from upright.agents import forms
 from upright.compiled import compiled
 from upright.errors import require, require_one_of
 
@@ -276,6 +277,14 @@ class Memory(NamedTuple):
     def end_trial(self, fallen):
         """Count the trial."""
         self.history.trials[0] += 1
+
+    def policy_form(self):
+        """Return the policy as data; squash(y) = tanh(y/2)."""
+        layers = (
+            forms.Layer(0.5 * self.action.layer_1, "tanh"),
+            forms.Layer(self.action.layer_2.T, "not below zero"),
+        )
+        return forms.Network(layers, tuple(self.scales.tolist()))
 
 
 def _network(inputs: int, hidden: int) -> Network:

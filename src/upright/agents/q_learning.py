@@ -33,6 +33,7 @@ from upright.agents.boxes import (
     degrees,
     find_box,
     make_boxes,
+    tabulate,
 )
 from upright.compiled import compiled
 from upright.errors import require
@@ -162,6 +163,10 @@ class Memory(NamedTuple):
         if fallen:
             for _ in range(self.passes):
                 replay(self)
+
+    def policy_form(self):
+        """Return the policy as data."""
+        return tabulate(self.boxes, self.push_probability)
 
 
 @compiled

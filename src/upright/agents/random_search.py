@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from upright.agents import forms
 from upright.compiled import compiled
 from upright.errors import require
 
@@ -75,3 +76,7 @@ class Memory(NamedTuple):
     @compiled
     def end_trial(self, fallen):
         """Learn nothing."""
+
+    def policy_form(self):
+        """Return the policy as data."""
+        return forms.Network((forms.Layer(self.weights[:, np.newaxis], "above zero"),))

@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from upright.agents import forms
 from upright.agents.least_squares import factorise, solve
 from upright.compiled import compiled
 from upright.errors import require, require_one_of
@@ -35,6 +36,8 @@ BASELINE_MEMORY = 0.9
 """How much the baseline's past counts after one more episode."""
 RIDGE = 1e-3
 """Keeps the baseline's regression solvable."""
+MOST_KEPT = 5 * 10**6
+"""Steps that may be kept in all: 8 episodes of 600,000; they take a quarter of a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ class Reinforce:
         require_one_of("baseline", self.baseline, ("mean", "fitted"))
         for name in ("episodes", "kept_steps", "passes", "thinning"):
             require(name, getattr(self, name), 1, 10**6, whole=True)
+        require("episodes * kept_steps", self.episodes * self.kept_steps, 1, MOST_KEPT, whole=True)
         for name in ("momentum", "square_memory", "decay"):
             require(name, getattr(self, name), 0, 0.999999)
         require("spread", self.spread, 0)
@@ -271,6 +275,15 @@ class Memory(NamedTuple):
             for number in range(self.passes):
                 set_gradient(self, number % self.thinning)
                 ascend(self.adam)
+
+    def policy_form(self):
+        """Return the policy as data; the gain goes into the last weights."""
+        layers = (
+            forms.Layer(self.network.layer_1, "isrlu"),
+            forms.Layer(self.network.layer_2, "isrlu"),
+            forms.Layer(self.gain * self.network.layer_3[:, np.newaxis], "sigmoid"),
+        )
+        return forms.Network(layers, tuple(self.scales.tolist()))
 
 
 def _network(row: np.ndarray) -> Network:
