@@ -21,7 +21,12 @@ from upright.trials import trial
 
 NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
 MODES = ("NextStep", "SameStep", "Disabled")
-OTHER_PLANT = {"pole_mass": 0.2, "half_length": 1, "integrator": Integrator.RK4}
+OTHER_PLANT = {
+    "pole_mass": 0.2,
+    "half_length": 1,
+    "angle_limit": 0.08,
+    "integrator": Integrator.RK4,
+}
 
 
 @pytest.fixture(autouse=True)
@@ -382,12 +387,10 @@ def test_it_equals_as_many_scalar_environments_step_for_step(mode, noise, name, 
         **options,
     )
     seeds = [3, 1, 4, 1, 5, 9]
-    for first, second in ((ours.reset(seed=7), theirs.reset(seed=7)),) + (
-        (ours.reset(seed=seeds), theirs.reset(seed=seeds)),
-        (ours.reset(), theirs.reset()),
-    ):
-        np.testing.assert_array_equal(first[0], second[0])
-        assert_alike(first[1], second[1])
+    for seed in (7, seeds, None):
+        mine, yours = ours.reset(seed=seed), theirs.reset(seed=seed)
+        np.testing.assert_array_equal(mine[0], yours[0])
+        assert_alike(mine[1], yours[1])
     assert ours.np_random_seed == theirs.np_random_seed
     rng, ends, cuts = np.random.default_rng(2), 0, 0
     for number in range(120):
@@ -431,10 +434,11 @@ def test_lanes_beyond_small_angles_are_like_environments_of_their_own():
     """Where limits are wide, the loop takes another way through sine and cosine."""
     plant = {"angle_limit": 3.0, "position_limit": 50.0}
     envs, env = make_many(PART, parameters=plant), make(parameters=plant)
-    seen = [envs.reset(seed=1)[0][0], *(envs.step(np.ones(PART, int))[0][0] for _ in range(40))]
-    expected = [env.reset(seed=1)[0], *(env.step(1)[0] for _ in range(40))]
+    pushes = np.ones(PART, int)
+    seen = [envs.reset(seed=1)[0][0], *(envs.step(pushes)[0][0] for _ in range(25))]
+    expected = [env.reset(seed=1)[0], *(env.step(1)[0] for _ in range(25))]
     np.testing.assert_array_equal(seen, expected)
-    assert abs(seen[-1][2]) > 1
+    assert 1 < abs(seen[-1][2]) < 3
 
 
 def test_noise_draws_nothing_for_a_lane_that_begins_anew():
@@ -543,7 +547,7 @@ def test_without_autoreset_an_ended_episode_must_be_reset():
 def test_wrong_masks_are_refused(mask):
     envs = make_many(3)
     envs.reset(seed=1)
-    with pytest.raises(UprightError, match="reset_mask is .*; it must be 3 bools"):
+    with pytest.raises(UprightError, match=r"(?s)reset_mask is .*; it must be 3 bools"):
         envs.reset(options={"reset_mask": mask})
 
 
@@ -596,8 +600,3 @@ def test_gymnasiums_wrappers_take_it():
         if "episode" in infos:
             lengths += infos["episode"]["l"][infos["_episode"]].tolist()
     assert 5 < np.mean(lengths) < 15  # pushed to one side, the pole falls within ten steps
-    same = make_many(8, autoreset_mode="SameStep", noise="sensor-5")
-    scaled = gymnasium.wrappers.vector.RescaleObservation(same, -1.0, 1.0)
-    scaled.reset(seed=1)
-    for _ in range(30):
-        scaled.step(np.ones(8, int))
