@@ -411,8 +411,9 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         self._lanes = make_lanes(num_envs)
         self._seeds: list[int | None] = [None] * num_envs
         self._observations: Array | None = None
-        self._told = num_envs if is_noisy(self.rules.noise) else 0
-        self._final = num_envs if mode == AutoresetMode.SAME_STEP else 0
+        self._told = is_noisy(self.rules.noise)
+        self._final = mode == AutoresetMode.SAME_STEP
+        self._nothing, self._no_seen = np.empty((4, 0)), np.empty((4, 0), self.dtype)
         self._step: Any = None
 
     def reset(
@@ -446,7 +447,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
             states = np.broadcast_to(self._states(states), (self.num_envs, 4))
             self._lanes.states[:, chosen] = states[chosen].T
         self._seed(seed, chosen)
-        observations = self._new_block()
+        observations = np.empty((4, self.num_envs), self.dtype)
         if self._observations is not None:
             observations[:] = self._observations.T
         reset_lanes(self.rules, self._lanes, chosen, states is None, observations)
@@ -539,20 +540,17 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         actions = np.zeros(self.action_space.shape or (), self.action_space.dtype)
         return machine_code(step_lanes, self.rules, self._lanes, actions, self._new_outcome())
 
-    def _new_block(self) -> Array:
-        return np.empty((4, self.num_envs), self.dtype)
-
     def _new_outcome(self) -> Outcome:
         """Return room for what a step leads to."""
-        n, final, told = self.num_envs, self._final, self._told
+        n, block = self.num_envs, (4, self.num_envs)
         return Outcome(
-            observations=np.empty((4, n), self.dtype),
+            observations=np.empty(block, self.dtype),
             rewards=np.empty(n),
             terminations=np.empty(n, np.bool_),
             truncations=np.empty(n, np.bool_),
-            states=np.empty((4, told)),
-            final_observations=np.empty((4, final), self.dtype),
-            final_states=np.empty((4, told if final else 0)),
+            states=np.empty(block) if self._told else self._nothing,
+            final_observations=np.empty(block, self.dtype) if self._final else self._no_seen,
+            final_states=np.empty(block) if self._told and self._final else self._nothing,
         )
 
     def _is_batch(self, actions: Any) -> bool:
