@@ -317,3 +317,65 @@ int64_t trial_reinforce(const Parameters *p, ReinforceMemory *memory, Random *ra
     *state = s;
     return count;
 }
+
+/* ---- The vector environment: upright/lanes.py, without noise --------------------------------- */
+
+/* NumPy's SFC64, of lane i of n: four rows of words. */
+static inline double draw(uint64_t *words, int64_t n, int64_t i)
+{
+    uint64_t *a = words + i, *b = a + n, *c = b + n, *counter = c + n;
+    uint64_t word = *a + *b + (*counter)++;
+    *a = *b ^ (*b >> 11);
+    *b = *c + (*c << 3);
+    *c = ((*c << 24) | (*c >> 40)) + word;
+    return (double)(word >> 11) * (1.0 / 9007199254740992.0);
+}
+
+typedef struct {
+    double *states; /* four rows of n, as the observations */
+    uint64_t *words;
+    int64_t *steps;
+    bool *ended;
+    int64_t n, limit;
+} Lanes;
+
+/* One step of every lane; where an episode has ended, the next one begins instead. */
+void vector_step(const Parameters *p, const Lanes *lanes, const int64_t *restrict actions,
+                 float *restrict observations, double *restrict rewards,
+                 bool *restrict terminations, bool *restrict truncations)
+{
+    int64_t n = lanes->n, limit = lanes->limit;
+    double *x = lanes->states, *x_dot = x + n, *theta = x_dot + n, *theta_dot = theta + n;
+    int64_t *steps = lanes->steps;
+    bool *ended = lanes->ended;
+#pragma GCC ivdep
+    for (int64_t i = 0; i < n; i++) {
+        State s = {x[i], x_dot[i], theta[i], theta_dot[i]};
+        double sine, one_less_cosine; /* all angles are small: a fallen pole soon stands again */
+        small_sine_cosine(s.theta, &sine, &one_less_cosine);
+        s = euler(p, s, push(p, actions[i] == 1), sine, 1.0 - one_less_cosine);
+        x[i] = s.x, x_dot[i] = s.x_dot, theta[i] = s.theta, theta_dot[i] = s.theta_dot;
+    }
+#pragma GCC ivdep
+    for (int64_t i = 0; i < n; i++) {
+        bool fallen = !(fabs(x[i]) <= p->position_limit && fabs(theta[i]) <= p->angle_limit);
+        steps[i]++;
+        rewards[i] = ended[i] ? 0.0 : 1.0;
+        terminations[i] = fallen & !ended[i];
+        truncations[i] = (steps[i] >= limit) & !ended[i];
+    }
+#pragma GCC ivdep
+    for (int64_t i = 0; i < 4 * n; i++)
+        observations[i] = (float)lanes->states[i];
+    for (int64_t i = 0; i < n; i++) {
+        if (ended[i]) {
+            for (int row = 0; row < 4; row++) {
+                double value = 0.05 * (2.0 * draw(lanes->words, n, i) - 1.0);
+                lanes->states[row * n + i] = value;
+                observations[row * n + i] = (float)value;
+            }
+            steps[i] = 0;
+        }
+        ended[i] = terminations[i] | truncations[i];
+    }
+}

@@ -543,23 +543,23 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     def _new_outcome(self) -> Outcome:
         """Return room for what a step leads to."""
         n, block = self.num_envs, (4, self.num_envs)
+        terminations, truncations = np.empty((2, n), np.bool_)
         return Outcome(
-            observations=np.empty(block, self.dtype),
-            rewards=np.empty(n),
-            terminations=np.empty(n, np.bool_),
-            truncations=np.empty(n, np.bool_),
-            states=np.empty(block) if self._told else self._nothing,
-            final_observations=np.empty(block, self.dtype) if self._final else self._no_seen,
-            final_states=np.empty(block) if self._told and self._final else self._nothing,
+            np.empty(block, self.dtype),
+            np.empty(n),
+            terminations,
+            truncations,
+            np.empty(block) if self._told else self._nothing,
+            np.empty(block, self.dtype) if self._final else self._no_seen,
+            np.empty(block) if self._told and self._final else self._nothing,
         )
 
     def _is_batch(self, actions: Any) -> bool:
         """Whether actions are of the type that the compiled step takes."""
-        space = self.action_space
         return (
             type(actions) is np.ndarray
-            and actions.dtype == space.dtype
-            and actions.shape == space.shape
+            and actions.shape == self.action_space.shape
+            and actions.dtype is self.action_space.dtype
             and actions.flags.c_contiguous
         )
 

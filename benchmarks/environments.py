@@ -1,0 +1,256 @@
+"""How fast is the vector environment? Beside it stand the other cart-poles there are.
+
+All are stepped in turns, in one process, 4,096 environments at a time: ours with and without noise,
+Gymnasium's own, gymnax and EnvPool where they are installed, and the same in C. Twice: with random
+pushes, when one episode in twenty ends with each step and the next one begins, and with the pushes
+of a policy that balances, when none ever does. Only the steps are timed; medians are reported.
+"""
+
+import argparse
+import ctypes
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from speed import C_PARAMETERS, address, load, machine, write_between_marks
+
+SEED = 1
+ROUND = 25
+"""Steps of one contender before it is the next one's turn."""
+BALANCING = np.array([1.0, 1.5, 20.0, 3.0])
+"""A linear policy that balances."""
+PEERS = ("gymnax", "envpool")
+
+Array = NDArray[Any]
+Step = Callable[[Array], Array]
+"""Makes a step with these actions and returns what is observed, shape (n, 4)."""
+
+
+class Contender(NamedTuple):
+    """An environment, or the same in C."""
+
+    name: str
+    step: Step
+    first: Array
+    """What is observed at first."""
+
+
+# ---- Contenders ----------------------------------------------------------------------------------
+
+
+def ours(count: int, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    """Return the package's vector environment."""
+    return gymnasium.make_vec(
+        "upright/CartPole-v0", count, vectorization_mode="vector_entry_point", **options
+    )
+
+
+def of_gymnasium(name: str, envs: gymnasium.vector.VectorEnv[Any, Any, Any]) -> Contender:
+    """Return a contender that is stepped as Gymnasium has it."""
+    first, _ = envs.reset(seed=SEED)
+    return Contender(name, lambda actions: envs.step(actions)[0], first)
+
+
+class CLanes(ctypes.Structure):
+    """`Lanes` of reference.c."""
+
+    _fields_ = [
+        ("states", ctypes.c_void_p),
+        ("words", ctypes.c_void_p),
+        ("steps", ctypes.c_void_p),
+        ("ended", ctypes.c_void_p),
+        ("n", ctypes.c_int64),
+        ("limit", ctypes.c_int64),
+    ]
+
+
+def in_c(count: int, library: ctypes.CDLL) -> Contender:
+    """Return the same in C, begun where ours begins."""
+    envs = ours(count).unwrapped
+    first, _ = envs.reset(seed=SEED)
+    lanes = envs._lanes
+    memory = CLanes(
+        *map(address, (lanes.states, lanes.words, lanes.steps, lanes.ended)),
+        count,
+        envs.rules.steps,
+    )
+    outcome = envs._new_outcome()
+    results = [ctypes.c_void_p(address(array)) for array in outcome[:4]]
+    vector_step, parameters = library.vector_step, ctypes.byref(C_PARAMETERS)
+
+    def step(actions: Array) -> Array:
+        assert envs is not None, "it owns the memory"
+        vector_step(
+            parameters, ctypes.byref(memory), ctypes.c_void_p(actions.ctypes.data), *results
+        )
+        return outcome.observations.T
+
+    return Contender("C", step, first)
+
+
+def of_gymnax(count: int) -> Contender:
+    """Return gymnax's cart-pole, compiled by JAX; episodes that end begin again at once."""
+    import gymnax
+    import jax
+
+    env, parameters = gymnax.make("CartPole-v1")
+    reset = jax.jit(jax.vmap(env.reset, in_axes=(0, None)))
+    many = jax.vmap(env.step, in_axes=(0, 0, 0, None))
+
+    @jax.jit
+    def step_many(key: Any, state: Any, actions: Any) -> Any:
+        key, other = jax.random.split(key)
+        observations, state, *rest = many(
+            jax.random.split(other, count), state, actions, parameters
+        )
+        return key, observations, state, rest
+
+    key = jax.random.PRNGKey(SEED)
+    first, state = reset(jax.random.split(key, count), parameters)
+    memory = [key, state]
+
+    def step(actions: Array) -> Array:
+        memory[0], observations, memory[1], rest = step_many(*memory, actions)
+        jax.block_until_ready((observations, rest))
+        return observations  # type: ignore[no-any-return]
+
+    return Contender("gymnax", step, np.asarray(first))
+
+
+def of_envpool(count: int) -> Contender:
+    """Return EnvPool's cart-pole, on as many threads as it likes."""
+    import envpool
+
+    envs = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=count, seed=SEED)
+    first, _ = envs.reset()
+    return Contender("EnvPool", lambda actions: envs.step(actions)[0], first)
+
+
+def contenders(count: int, library: ctypes.CDLL) -> list[Contender]:
+    """Return all that are here; say which are not."""
+    found = [of_gymnasium("upright", ours(count)), in_c(count, library)]
+    for noise in ("actuator-10", "sensor-10", "gaussian-0.2"):
+        found.append(of_gymnasium(f"upright, {noise}", ours(count, noise=noise)))
+    found.append(of_gymnasium("upright, same step", ours(count, autoreset_mode="SameStep")))
+    found.append(of_gymnasium("upright, float64", ours(count, dtype="float64")))
+    own = gymnasium.make_vec("CartPole-v1", count, vectorization_mode="vector_entry_point")
+    found.append(of_gymnasium("Gymnasium", own))
+    for name, make in zip(PEERS, (of_gymnax, of_envpool), strict=True):
+        try:
+            found.append(make(count))
+        except ImportError:
+            print(f"{name} is not installed and left out", file=sys.stderr)
+    return found
+
+
+# ---- Comparing -----------------------------------------------------------------------------------
+
+
+def check(count: int, library: ctypes.CDLL) -> None:
+    """Assert that C, which rounds as we do, observes what we observe, restarts included."""
+    mine, theirs = of_gymnasium("upright", ours(count)), in_c(count, library)
+    rng = np.random.default_rng(SEED)
+    for _ in range(200):
+        actions = rng.integers(0, 2, count)
+        np.testing.assert_array_equal(mine.step(actions), theirs.step(actions))
+
+
+def measure(count: int, rounds: int, library: ctypes.CDLL, *, balances: bool) -> dict[str, Array]:
+    """Return the time of a step per environment [ns] of every contender, for each round."""
+    found = contenders(count, library)
+    seen = {contender.name: contender.first for contender in found}
+    times: dict[str, list[float]] = {contender.name: [] for contender in found}
+    rng = np.random.default_rng(SEED)
+    for _ in range(rounds):
+        for contender in found:
+            observed, elapsed = seen[contender.name], 0
+            for _ in range(ROUND):
+                if balances:
+                    actions = (np.asarray(observed) @ BALANCING > 0).astype(np.int64)
+                else:
+                    actions = rng.integers(0, 2, count)
+                began = time.perf_counter_ns()
+                observed = contender.step(actions)
+                elapsed += time.perf_counter_ns() - began
+            seen[contender.name] = observed
+            times[contender.name].append(elapsed / ROUND / count)
+    return {name: np.array(values) for name, values in times.items()}
+
+
+def table(falling: dict[str, Array], balancing: dict[str, Array]) -> str:
+    """Return the Markdown table; a ratio is the median over the rounds."""
+    head = ["environment", "falling [ns]", "× upright", "balancing [ns]", "× upright"]
+    rows = [head, ["---"] + ["---:"] * 4]
+    for name in falling:
+        cells = [name]
+        for times in (falling, balancing):
+            ratio = median(times[name] / times["upright"])
+            cells += [f"{median(times[name]):.3g}", f"{ratio:.2f}"]
+        rows.append(cells)
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+
+
+def python_share(count: int, rounds: int) -> float:
+    """Return the part of a step that is spent outside the compiled loop."""
+    envs = ours(count).unwrapped
+    envs.reset(seed=SEED)
+    rng = np.random.default_rng(SEED)
+    envs.step(rng.integers(0, 2, count))
+    compiled_loop, inside = envs._step, 0
+
+    def timed_loop(*arguments: Any) -> int:
+        nonlocal inside
+        began = time.perf_counter_ns()
+        begun: int = compiled_loop(*arguments)
+        inside = time.perf_counter_ns() - began
+        return begun
+
+    envs._step = timed_loop
+    shares = []
+    for _ in range(rounds * ROUND):
+        actions = rng.integers(0, 2, count)
+        began = time.perf_counter_ns()
+        envs.step(actions)
+        shares.append(1 - inside / (time.perf_counter_ns() - began))
+    return median(shares)
+
+
+def main() -> None:
+    """Measure, and write the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="write the table into this page, between its two marks, as in docs/environment.md "
+        "(default: to the terminal)",
+    )
+    parser.add_argument("--count", type=int, default=4096, help="environments (default 4096)")
+    parser.add_argument("--rounds", type=int, default=60, help="turns of each (default 60)")
+    arguments = parser.parse_args()
+    check(arguments.count, load("checked"))
+    falling, balancing = (
+        measure(arguments.count, arguments.rounds, load("plain"), balances=balances)
+        for balances in (False, True)
+    )
+    share = python_share(arguments.count, arguments.rounds)
+    text = (
+        f"{table(falling, balancing)}\nTime of a step of one of {arguments.count:,} environments. "
+        f"Python takes {100 * share:.0f} % of upright's step.\n{machine()}.\n"
+    )
+    if arguments.output:
+        write_between_marks(arguments.output, text)
+    else:
+        print(text, end="")
+
+
+if __name__ == "__main__":
+    main()
