@@ -10,7 +10,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
-	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/performance.md"
+	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
 	@echo "make clean       remove the environment and everything made"
 
 .venv/used: pyproject.toml
@@ -36,6 +36,7 @@ test: lint
 
 benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md
+	$(BIN)/python benchmarks/environments.py --output docs/environment.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis
