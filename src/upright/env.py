@@ -21,7 +21,7 @@ from upright.cartpole import Parameters, State, check_parameters, has_fallen, st
 from upright.compiled import compiled, machine_code
 from upright.drawing import Scene, Window, picture, text_picture
 from upright.errors import UprightError, require, require_one_of
-from upright.lanes import Outcome, Rules, make_lanes, reset_lanes, seed_words, step_lanes
+from upright.lanes import Outcome, Rules, Stream, make_lanes, reset_lanes, seed_words, step_lanes
 from upright.noise import NOISES, Noise, disturb, draw_start, measure
 from upright.task import STARTS
 
@@ -34,6 +34,9 @@ MODES = {
     AutoresetMode.SAME_STEP: lanes.SAME_STEP,
     AutoresetMode.DISABLED: lanes.DISABLED,
 }
+_NO_WORD = np.zeros(1, np.uint64)
+NOTHING_DRAWN = Stream(_NO_WORD, _NO_WORD, _NO_WORD, _NO_WORD, 0)
+"""Stands for random numbers where none are drawn."""
 FRAMES_PER_SECOND = 50
 NO_LIMIT = 2**62
 """More steps than anybody will make."""
@@ -284,16 +287,19 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         if self._over:
             why = "no episode has begun" if self._state is None else "the pole has fallen"
             raise ResetNeeded(f"{why}; call reset() before step()")
-        force, rules = self._asked(action), self.rules
+        rules = self.rules
+        arguments = rules, self._state, self._asked(action), self._rng()
         if self._advance is None:
-            self._advance = machine_code(advance, rules, self._state, force, self._np_random)
-        self._state, self._seen, self._force, self._over = self._advance(
-            rules, self._state, force, self._np_random
-        )
+            self._advance = machine_code(advance, *arguments)
+        self._state, self._seen, self._force, self._over = self._advance(*arguments)
         self._steps += 1
         reward = rules.step_reward + (rules.fall_reward if self._over else 0.0)
         observation, info = self._tell()
         return observation, reward, self._over, False, info
+
+    def _rng(self) -> Any:
+        """Return what noise is drawn from; where there is none, what is passed on faster."""
+        return self._np_random if self._tells else NOTHING_DRAWN
 
     def _asked(self, action: Any) -> float:
         """Return the force [N] that an action asks for."""
