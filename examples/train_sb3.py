@@ -29,13 +29,13 @@ class PPO:
         self.seed = int(rng.integers(2**31))
 
     def train(self, env: gymnasium.Env) -> None:
-        """Learn until the run is over."""
+        """Learn until the run is over; of four settings tried once, the fastest."""
         model = stable_baselines3.PPO(
             "MlpPolicy",
             env,
             learning_rate=1e-3,
-            n_steps=256,
-            n_epochs=20,
+            n_steps=512,
+            batch_size=128,
             gamma=0.98,
             gae_lambda=0.8,
             seed=self.seed,
@@ -52,7 +52,7 @@ class DQN:
         self.seed = int(rng.integers(2**31))
 
     def train(self, env: gymnasium.Env) -> None:
-        """Learn until the run is over."""
+        """Learn until the run is over; with RL Baselines3 Zoo's settings for CartPole-v1."""
         model = stable_baselines3.DQN(
             "MlpPolicy",
             env,
@@ -60,12 +60,11 @@ class DQN:
             buffer_size=100_000,
             learning_starts=1000,
             batch_size=64,
-            gamma=0.99,
             train_freq=256,
             gradient_steps=128,
             target_update_interval=10,
-            exploration_fraction=5_000 / ENDLESS,
-            exploration_final_eps=0.01,
+            exploration_fraction=8_000 / ENDLESS,
+            exploration_final_eps=0.04,
             policy_kwargs={"net_arch": [256, 256]},
             seed=self.seed,
             device="cpu",

@@ -7,10 +7,13 @@ from helpers import HARD_START, python
 import upright  # noqa: F401 - makes the environments known
 from upright import trials
 from upright.agents import named_settings
+from upright.agents.outside import Outside
 from upright.cartpole import State, equations
 from upright.env import CartPoleEnv
 from upright.errors import UprightError
 from upright.protocol import RunOver, TrialProtocol, run_learner
+from upright.report import render, summarise
+from upright.study import Case
 from upright.task import make_task
 
 
@@ -261,3 +264,15 @@ def test_only_who_needs_gymnasium_imports_it():
         "print({'gymnasium', 'upright.env', 'upright.protocol'} & set(sys.modules))"
     )
     assert ended.stdout == "set()\n", ended.stderr
+
+
+def test_results_counted_by_hand_make_a_table():
+    results = []
+    for run, ends in enumerate([(3, 0), (4, 5, 0)]):
+        env = TrialProtocol(ScriptedEnv(*ends), steps=7)
+        go_on(env)
+        results.append(env.result(run))
+    case = Case("elsewhere:mine", "default", Outside("elsewhere:mine"), steps=7)
+    row = summarise(case, 0, results)
+    assert (row.runs, row.successes, row.mean_trials) == (2, 2, 2.5)
+    assert "elsewhere:mine" in render([row], "text")
