@@ -15,6 +15,7 @@ import pytest
 from helpers import python
 from numba._dispatcher import compute_fingerprint
 
+from upright import study as study_module
 from upright import trials
 from upright.agents import AGENTS, named_settings, restore_settings
 from upright.agents.outside import Outside, is_learner
@@ -467,6 +468,12 @@ def test_a_mistake_in_a_learner_is_its_author_s_to_see(write):
     agent = f"{write(LEARNER.replace('fallen or', 'nothing or'))}:Guess"
     with pytest.raises(NameError, match="nothing"):
         make_run(make_case(agent, steps=300), 0, 0)
+
+
+def test_the_sources_that_a_learner_goes_through_identify_its_runs(write, monkeypatch):
+    monkeypatch.setattr(study_module, "sources_hash", lambda *names: " ".join([*names, ""]))
+    rule = rule_version.__wrapped__(f"{write(LEARNER)}:Guess")
+    assert {"env.py", "protocol.py", "noise.py", "cartpole.py"} <= set(rule.split())
 
 
 def test_an_agent_with_a_method_train_is_still_an_agent(write):
