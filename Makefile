@@ -6,10 +6,11 @@ BIN := .venv/bin
 RUNS ?= 20
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test lint benchmark clean
+.PHONY: help reproduce test test-sb3 lint benchmark clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
+	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
 	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
 	@echo "make clean       remove the environment and everything made"
 
@@ -33,6 +34,10 @@ lint: .venv/developed
 
 test: lint
 	$(BIN)/pytest
+
+test-sb3: .venv/developed
+	$(INSTALL) stable-baselines3
+	$(BIN)/pytest tests/test_sb3.py
 
 benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md

@@ -15,15 +15,17 @@ import pytest
 from helpers import python
 from numba._dispatcher import compute_fingerprint
 
+from upright import study as study_module
 from upright import trials
 from upright.agents import AGENTS, named_settings, restore_settings
-from upright.agents.outside import Outside
+from upright.agents.outside import Outside, is_learner
 from upright.cartpole import State, equations
 from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
 from upright.compiled import CACHE_FOLDER, explain
 from upright.errors import UprightError
 from upright.plots import play
 from upright.policy import load_policy
+from upright.protocol import run_learner
 from upright.store import Store
 from upright.study import (
     _workers,
@@ -283,6 +285,7 @@ def test_compiled_agents_run_in_threads_and_plain_ones_in_processes(write, compi
             "an agent has the methods begin_trial(rng), act(observation, rng), learn(",
         ),
         ("def A(rng): ...", "it lacks begin_trial(rng), act(observation, rng), "),
+        ("def A(rng): ...", "; a learner that only knows Gymnasium has train(env)"),
         ("import no_such_module_42", "its module cannot be imported: No module named 'no_such_"),
         ("from math import tau42", "its module cannot be imported: cannot import name 'tau42'"),
         ("class A", "its module cannot be imported: "),
@@ -398,6 +401,84 @@ def test_a_source_that_changes_under_a_process_never_mixes(write):
         with pytest.raises(UprightError, match="its source changed after it was imported"):
             study([case], 2, 3, store)
         assert store.cases() == []
+
+
+# ------------------------------------------------------------------------------ learners elsewhere
+
+LEARNER = """
+    import numpy as np
+
+
+    class Guess:
+        '''Draws a new linear policy for every episode.'''
+
+        def __init__(self, rng):
+            self.rng = rng
+
+        def train(self, env):
+            while True:
+                weights = self.rng.uniform(-1.0, 1.0, 4) * (1.0, 1.0, 10.0, 1.0)
+                observation, _ = env.reset()
+                over = False
+                while not over:
+                    action = int(observation @ weights > 0.0)
+                    observation, _, fallen, truncated, _ = env.step(action)
+                    over = fallen or truncated
+"""
+
+
+def test_a_learner_that_only_knows_gymnasium_stands_in_the_table(write, tmp_path, capsys):
+    """Its runs are those that are made one after the other, and are kept and shown like any."""
+    agent = f"{write(LEARNER)}:Guess"
+    line = f"table --agents {agent},random-search --noises sensor-10 --runs 3 --seed 3 --steps 300"
+    assert run(f"{line} --store runs.sqlite".split()) == 0
+    assert run(["show", "runs.sqlite"]) == 0
+    for shown in capsys.readouterr().out.split("Agent")[1:]:
+        assert [
+            sum(text.startswith(name) for text in shown.splitlines())
+            for name in (agent, "random-search")
+        ] == [1, 1]
+    case = make_case(agent, noise="sensor-10", steps=300)
+    assert choose_loop(case, case.settings.agent(None)) is run_learner
+    with Store("runs.sqlite") as store:
+        found = store.results(case.key, 3)
+        assert kept(store, case) == lengths(case, runs=3)
+    assert all(result.success and result.lengths[-1] == 300 for result in found)
+    assert len({result.trials for result in found}) > 1
+
+
+def test_a_run_of_a_learner_is_watched_and_stopped_like_any(write, capsys):
+    agent = f"{write(LEARNER)}:Guess"
+    assert run(f"learn {agent} --steps 300".split()) == 0
+    shown = capsys.readouterr().out
+    result = make_run(make_case(agent, steps=300), 0, 0)[1]
+    assert shown.count("\ntrial ") == result.trials - 1
+    assert f"balanced at trial {result.trials}:" in shown
+    assert make_run(make_case(agent, steps=300), 0, 0, stop=np.ones(1, np.bool_))[1] is None
+
+
+def test_a_learner_that_cannot_go_on_is_refused_in_one_line(write, capsys):
+    agent = f"{write(LEARNER.replace('while True', 'for _ in range(3)'))}:Guess"
+    assert "the learner ended after 3 trials; it must" in refused(f"learn {agent} --quiet", capsys)
+    delayed = f"learn {write(LEARNER)}:Guess --condition delay-1"
+    assert "delay is 1; it must be 0" in refused(delayed, capsys)
+
+
+def test_a_mistake_in_a_learner_is_its_author_s_to_see(write):
+    agent = f"{write(LEARNER.replace('fallen or', 'nothing or'))}:Guess"
+    with pytest.raises(NameError, match="nothing"):
+        make_run(make_case(agent, steps=300), 0, 0)
+
+
+def test_the_sources_that_a_learner_goes_through_identify_its_runs(write, monkeypatch):
+    monkeypatch.setattr(study_module, "sources_hash", lambda *names: " ".join([*names, ""]))
+    rule = rule_version.__wrapped__(f"{write(LEARNER)}:Guess")
+    assert {"env.py", "protocol.py", "noise.py", "cartpole.py"} <= set(rule.split())
+
+
+def test_an_agent_with_a_method_train_is_still_an_agent(write):
+    text = PLAIN + "\n        def train(self, env): ...\n"
+    assert not is_learner(make_case(f"{write(text)}:Climber").settings.agent(None))
 
 
 # ------------------------------------------------------------------------------ other commands

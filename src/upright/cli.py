@@ -23,7 +23,7 @@ noise cases: {", ".join(CASES)}
   (published), all-5, all-10 (all four measurements); "all" means the published seven.
 agents: {", ".join(AGENTS)}; `upright agents` tells more.
   Your own: module:name, a class or function that, given a run's random numbers, returns an agent
-  with the methods begin_trial, act, learn and end_trial (see examples/).
+  with the methods begin_trial, act, learn and end_trial, or train(env) (see examples/).
 """
 
 

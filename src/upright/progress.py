@@ -24,7 +24,7 @@ def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Stor
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("compiling", total=runs * len(cases) - done, rate="")
+        task = bar.add_task("starting", total=runs * len(cases) - done, rate="")
         steps = 0
 
         def show(case: Case, result: Result) -> None:

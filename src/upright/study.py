@@ -23,7 +23,7 @@ import numpy as np
 
 from upright import trials
 from upright.agents import AGENTS, Settings, is_outside, named_settings, restore_settings
-from upright.agents.outside import Outside
+from upright.agents.outside import Outside, is_learner
 from upright.cartpole import equations
 from upright.compiled import explain, is_compiled, sources_hash
 from upright.errors import UprightError, require, require_one_of
@@ -35,6 +35,8 @@ SHARED = tuple(
     f"agents/{name}.py" for name in ("agent", "outside", "boxes", "forms", "least_squares")
 )
 """What agents share, besides the task."""
+GYMNASIUM = ("env.py", "protocol.py")
+"""What learners from outside that only know Gymnasium share, besides that."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def rule_version(agent: str) -> str:
     shared = [*task, *SHARED]
     if is_outside(agent):
         own = hashlib.sha256(Outside(agent).source().read_bytes()).hexdigest()[:12]
-        return f"{sources_hash(*shared)}-{own}"
+        return f"{sources_hash(*shared, *GYMNASIUM)}-{own}"
     return sources_hash(*shared, AGENTS[agent].removeprefix("upright.").replace(".", "/") + ".py")
 
 
@@ -128,7 +130,14 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
 
 
 def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
-    """Return the loop for an agent: compiled with it, or in Python if it is not compiled."""
+    """Return the loop for an agent: compiled with it, or in Python if it is not compiled.
+
+    For a learner that only knows Gymnasium it is the learner's own.
+    """
+    if is_learner(agent):
+        from upright.protocol import run_learner  # Gymnasium is an extra
+
+        return run_learner
     if not is_compiled(agent):
         return trials.run
     kind: Any = type(agent)
@@ -160,7 +169,8 @@ def make_run(
     Raises
     ------
     UprightError
-        If an agent from outside lacks a method or cannot be compiled.
+        If an agent from outside lacks a method or cannot be compiled, or a learner from outside
+        ends before its run.
     """
     rng = random_numbers(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
@@ -168,14 +178,15 @@ def make_run(
     stop = np.zeros(1, np.bool_) if stop is None else stop
     plant = equations(task.parameters)
     loop = choose_loop(case, agent)
-    try:
-        loop(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
-    except Exception as error:
-        if not is_outside(case.agent):
-            raise
-        # No trial was made, so whatever went wrong is the compilation.
-        why = f"it cannot be compiled: {explain(error)}"
-        raise UprightError(f"agent is {case.agent!r}; {why}") from error
+    if is_compiled(agent):
+        try:
+            loop(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
+        except Exception as error:
+            if not is_outside(case.agent):
+                raise
+            # No trial was made, so whatever went wrong is the compilation.
+            why = f"it cannot be compiled: {explain(error)}"
+            raise UprightError(f"agent is {case.agent!r}; {why}") from error
     began = time.perf_counter()
     success = loop(agent, plant, task, rng, lengths, stop) > 0
     seconds = time.perf_counter() - began

@@ -1,10 +1,16 @@
-"""What an agent is: a memory and four functions, whatever body it balances."""
+"""What an agent is: a memory and four functions, whatever body it balances.
 
-from typing import Protocol
+A learner that only knows Gymnasium is none: it is not moved by the loop, but moves an environment.
+"""
+
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from upright.cartpole import State
+
+if TYPE_CHECKING:
+    import gymnasium
 
 
 class Agent(Protocol):
@@ -21,3 +27,10 @@ class Agent(Protocol):
 
     def end_trial(self, fallen: bool) -> None:
         """Learn from the trial as a whole, which ended by a fall or by success."""
+
+
+class Learner(Protocol):
+    """A learner that only knows Gymnasium."""
+
+    def train(self, env: "gymnasium.Env[Any, Any]") -> None:
+        """Learn in an environment until that raises `upright.protocol.RunOver`."""

@@ -2,7 +2,8 @@
 
 The name stands for anything that, called with the run's random numbers, returns an agent: a class
 whose constructor takes them, or a function. The agent may be plain Python, which is slow, or a
-NamedTuple with methods under `upright.compiled.compiled`, which is as fast as the package's own.
+NamedTuple with methods under `upright.compiled.compiled`, which is as fast as the package's own. Or
+it is a learner that only knows Gymnasium.
 """
 
 import inspect
@@ -17,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from upright.agents.agent import Agent
+from upright.agents.agent import Agent, Learner
 from upright.errors import UprightError
 
 METHODS = {
@@ -32,6 +33,11 @@ METHODS = {
 """What every agent has; `agents/agent.py` says more."""
 
 
+def is_learner(agent: object) -> bool:
+    """Whether this is a learner that only knows Gymnasium."""
+    return callable(getattr(agent, "train", None)) and not hasattr(agent, "act")
+
+
 @dataclass(frozen=True)
 class Outside:
     """Stands in for the settings of an agent from outside, which are its own affair.
@@ -42,8 +48,8 @@ class Outside:
     agent_name: str
     """Where the agent is found: `module:name`."""
 
-    def agent(self, rng: np.random.Generator) -> Agent:
-        """Return a new agent.
+    def agent(self, rng: np.random.Generator) -> Agent | Learner:
+        """Return a new agent, or a new learner that only knows Gymnasium.
 
         Raises
         ------
@@ -58,12 +64,13 @@ class Outside:
                 f"agent is {self.agent_name!r}; it must be made from the run's random numbers "
                 f"alone: {error}"
             ) from None
-        agent: Agent = make(rng)
+        agent: Agent | Learner = make(rng)
         lacking = [text for name, text in METHODS.items() if not callable(getattr(agent, name, 0))]
-        if lacking:
+        if lacking and not is_learner(agent):
             raise UprightError(
                 f"agent is {self.agent_name!r}; it lacks {', '.join(lacking)}; "
-                f"an agent has the methods {', '.join(METHODS.values())}"
+                f"an agent has the methods {', '.join(METHODS.values())}; "
+                "a learner that only knows Gymnasium has train(env)"
             )
         return agent
 

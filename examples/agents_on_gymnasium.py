@@ -1,0 +1,111 @@
+"""The package's agents on an environment that is not the package's: Gymnasium's own cart-pole.
+
+    python examples/agents_on_gymnasium.py
+    python examples/agents_on_gymnasium.py --agents adaptive-lqr,random-search --runs 20
+    python examples/agents_on_gymnasium.py --env upright/CartPole-v0
+
+An agent balances any body. This file makes one of an environment with the spaces of CartPole-v1 and
+its limits, ±2.4 m and ±12°, and lets the package's own loop move it.
+"""
+
+import argparse
+import time
+
+import gymnasium
+import numpy as np
+
+from upright.cartpole import Parameters, State, has_fallen
+from upright.errors import UprightError
+from upright.published import RUNS, STEPS
+from upright.report import render, summarise
+from upright.store import Result
+from upright.study import Case, make_case, random_numbers
+from upright.trials import run
+
+ROUNDED = {
+    name: float(np.nextafter(np.float32(Parameters._field_defaults[name]), np.float32(0)))
+    for name in ("position_limit", "angle_limit")
+}
+"""Limits that a state beyond the true ones is beyond, even when it is rounded to float32."""
+
+
+class GymnasiumBody:
+    """An environment of Gymnasium as a body that agents balance.
+
+    Parameters
+    ----------
+    name
+        Of the environment.
+    steps
+        How many steps an episode may last.
+    seed
+        Of the environment's own random numbers.
+
+    Raises
+    ------
+    UprightError
+        If its spaces are not those of CartPole-v1.
+    """
+
+    def __init__(self, name: str, steps: int, seed: int) -> None:
+        self.env = gymnasium.make(name, max_episode_steps=steps)
+        self.env.reset(seed=seed)
+        spaces = self.env.observation_space.shape, self.env.action_space
+        if spaces != ((4,), gymnasium.spaces.Discrete(2)):
+            raise UprightError(f"env is {name!r}; it must have four observations and two actions")
+
+    def reset(self, state: State) -> State:
+        """Begin an episode, in a state that the environment draws."""
+        observation, _ = self.env.reset()
+        return State(*observation.tolist())
+
+    def step(self, force: float) -> State:
+        """Push to the side of the force, and return the observation, which is the state.
+
+        Raises
+        ------
+        UprightError
+            If the environment ends an episode where the pole has not fallen.
+        """
+        observation, _, ended, _, _ = self.env.step(int(force > 0))
+        state = State(*observation.tolist())
+        if ended and not has_fallen(Parameters(**ROUNDED), state):
+            raise UprightError(f"the episode ended at {state}; only a fall may end it")
+        return state
+
+    def close(self) -> None:
+        """Close the environment."""
+        self.env.close()
+
+
+def make_run(name: str, case: Case, seed: int, number: int) -> Result:
+    """Let a new agent learn in an environment, as `study.make_run` does on the equations."""
+    rng = random_numbers(seed, number)
+    agent = case.settings.agent(rng)
+    body = GymnasiumBody(name, case.steps, int(rng.integers(2**31)))
+    task = case.task()._replace(parameters=Parameters(**ROUNDED))
+    lengths = np.zeros(case.trials, np.int64)
+    began = time.perf_counter()
+    success = run(agent, body, task, rng, lengths, np.zeros(1, np.bool_)) > 0
+    body.close()
+    return Result(number, success, lengths[lengths > 0], time.perf_counter() - began)
+
+
+def main() -> None:
+    """Print the trial table of some agents in an environment."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--env", default="CartPole-v1", help="name of the environment")
+    parser.add_argument("--agents", default="adaptive-lqr,reinforce,q-learning,random-search")
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--steps", type=int, default=STEPS, help="steps of a success")
+    options = parser.parse_args()
+    rows = []
+    for agent in options.agents.split(","):
+        case = make_case(agent, steps=options.steps)
+        results = [make_run(options.env, case, 0, number) for number in range(options.runs)]
+        rows.append(summarise(case, 0, results))
+    print(f"{options.env}\n\n{render(rows, 'text')}", end="")
+
+
+if __name__ == "__main__":
+    main()
