@@ -61,6 +61,13 @@ def test_to_import_the_package_suffices(order):
     assert python(code).stdout == "(4,)\n"
 
 
+def test_to_look_for_gymnasium_is_not_to_import_it():
+    """Some ask first whether it is there."""
+    look = "import importlib.util, upright; importlib.util.find_spec('gymnasium')"
+    result = python(f"{look}; import gymnasium; gymnasium.make('{NAMES[0]}').reset()")
+    assert result.returncode == 0, result.stderr
+
+
 def test_gymnasium_imports_the_package_by_name():
     result = python(f"import gymnasium; print(gymnasium.make('upright:{NAMES[1]}').action_space)")
     assert result.stdout == "Box(-10.0, 10.0, (1,), float32)\n"

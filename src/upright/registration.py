@@ -39,17 +39,23 @@ def _register() -> None:
 class _Watch(MetaPathFinder):
     """Registers the environments when Gymnasium has been imported."""
 
+    _looks = False
+
     def find_spec(self, name: str, *_: Any) -> ModuleSpec | None:
         """Find Gymnasium as anybody would, but note when it is executed."""
-        if name != "gymnasium":
+        if name != "gymnasium" or self._looks:
             return None
-        sys.meta_path.remove(self)
-        found = find_spec(name)
+        self._looks = True
+        try:
+            found = find_spec(name)
+        finally:
+            self._looks = False
         if found is not None and found.loader is not None:
             execute = found.loader.exec_module
 
             def execute_and_register(module: ModuleType) -> None:
                 execute(module)
+                sys.meta_path.remove(self)
                 _register()
 
             found.loader.exec_module = execute_and_register  # type: ignore[method-assign]
