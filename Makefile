@@ -11,7 +11,7 @@ help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
 	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
-	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/performance.md"
+	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
 	@echo "make clean       remove the environment and everything made"
 
 .venv/used: pyproject.toml
@@ -41,6 +41,7 @@ test-sb3: .venv/developed
 
 benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md
+	$(BIN)/python benchmarks/environments.py --output docs/environment.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

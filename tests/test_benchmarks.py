@@ -20,3 +20,14 @@ def test_c_reaches_the_same_states_to_the_last_bit():
     assert len(lines) == 11
     for name in ("reinforce", "q-learning", "random-search", "Gymnasium", "NumPy"):
         assert any(name in line for line in lines)
+
+
+@pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed: C is not compared")
+def test_c_observes_what_the_vector_environment_observes():
+    """The script refuses to time two programs that do not compute the same."""
+    command = [sys.executable, BENCHMARKS / "environments.py", "--count", "600", "--rounds", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    for name in ("upright", "C", "upright, gaussian-0.2", "Gymnasium"):
+        assert f"\n| {name} | " in result.stdout
+    assert "Python takes" in result.stdout

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from helpers import GOOD_WEIGHTS, python
 
-from upright.cartpole import Integrator, Parameters, State, step
+from upright.cartpole import Integrator, Parameters, State, equations, step
 from upright.env import CartPoleEnv, CartPoleVectorEnv, StreamOfLane
 from upright.errors import UprightError
 from upright.lanes import PART
@@ -122,7 +122,7 @@ def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, star
     agent, task = Agent(), make_task(noise, start, steps=400)
     env = make(noise=noise, start=start, dtype="float64").unwrapped
     rng = np.random.Generator(StreamOfLane(11))
-    steps, fallen = trial(agent, env._plant, task, rng)
+    steps, fallen = trial(agent, equations(), task, rng)
     observation, _ = env.reset(seed=11)
     for seen in [*agent.seen[1:], agent.last]:
         observation, _, over, _, _ = env.step(int(np.dot(GOOD_WEIGHTS, observation) > 0))
@@ -145,7 +145,7 @@ def test_info_has_the_true_state_under_noise(noise):
         before = State(*info["state"].tolist())
         observation, *_, info = env.step(action)
         pushed = step(Parameters(), before, 10.0 if action else -10.0)
-        force = env.unwrapped._scene.force
+        force = env.unwrapped._force
         np.testing.assert_array_equal(info["state"], step(Parameters(), before, force))
         assert (force == (10.0 if action else -10.0)) == (not noise.startswith("actuator"))
         assert (observation[2] == pushed.theta) == noise.startswith("actuator")

@@ -296,7 +296,7 @@ def test_the_example_in_c_compiles(tmp_path):
 def test_the_example_in_python_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(["export", str(saved("reinforce", tmp_path)), "policy.onnx"])
-    (example,) = examples("python")
+    (example,) = (each for each in examples("python") if "onnxruntime" in each)
     found = {}
     exec(example, found)
     assert 0.0 < found["probability"].item() < 1.0

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from upright.cartpole import Parameters, State
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require_module, require_one_of
 from upright.files import check_output, replacing
 
 if TYPE_CHECKING:
@@ -122,10 +122,7 @@ def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
 def _pygame() -> ModuleType:
     """Return the module, quiet, with its fonts ready; nothing else of it is needed off screen."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
-        import pygame
-    except ImportError:
-        raise UprightError("drawing needs pygame-ce: pip install 'upright[video]'") from None
+    pygame: ModuleType = require_module("pygame", "drawing needs pygame-ce", "video")
     if not getattr(pygame, "IS_CE", False):
         raise UprightError("drawing needs pygame-ce, but there is pygame; uninstall that first")
     pygame.font.init()

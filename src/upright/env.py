@@ -17,11 +17,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from upright import lanes
-from upright.cartpole import Parameters, State, check_parameters, equations, has_fallen
-from upright.compiled import machine_code
+from upright.cartpole import Parameters, State, check_parameters, has_fallen, step
+from upright.compiled import compiled, machine_code
 from upright.drawing import Scene, Window, picture, text_picture
 from upright.errors import UprightError, require, require_one_of
-from upright.lanes import Outcome, Rules, make_lanes, reset_lanes, seed_words, step_lanes
+from upright.lanes import Outcome, Rules, Stream, make_lanes, reset_lanes, seed_words, step_lanes
 from upright.noise import NOISES, Noise, disturb, draw_start, measure
 from upright.task import STARTS
 
@@ -34,6 +34,9 @@ MODES = {
     AutoresetMode.SAME_STEP: lanes.SAME_STEP,
     AutoresetMode.DISABLED: lanes.DISABLED,
 }
+_NO_WORD = np.zeros(1, np.uint64)
+NOTHING_DRAWN = Stream(_NO_WORD, _NO_WORD, _NO_WORD, _NO_WORD, 0)
+"""Stands for random numbers where none are drawn."""
 FRAMES_PER_SECOND = 50
 NO_LIMIT = 2**62
 """More steps than anybody will make."""
@@ -166,6 +169,20 @@ class StreamOfLane(np.random.SFC64):
         np.random.SFC64.state.__set__(self, whole)  # type: ignore[attr-defined]
 
 
+@compiled
+def advance(
+    rules: Rules, state: State, force: float, rng: np.random.Generator
+) -> tuple[State, State, float, bool]:
+    """Return the state after a push of a force [N], what is seen of it, and the force that acted.
+
+    The last tells whether the pole has fallen.
+    """
+    acting = disturb(rules.noise, force, rng)
+    state = step(rules.parameters, state, acting)
+    seen = measure(rules.noise, state, rng)
+    return state, seen, acting, has_fallen(rules.parameters, state)
+
+
 class CartPoleEnv(gymnasium.Env[Array, Any]):
     """A cart-pole with friction and noise, as the published tables have it.
 
@@ -217,10 +234,13 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self.rules.parameters, continuous, dtype
         )
         self.continuous, self.dtype, self.render_mode = continuous, np.dtype(dtype), render_mode
-        self._plant = equations(self.rules.parameters)
-        self._scene: Scene | None = None
+        self._tells = is_noisy(self.rules.noise)
+        self._state: State | None = None
+        self._seen: State | None = None
+        self._force = 0.0
         self._steps = 0
         self._over = True
+        self._advance: Any = None
         self._window: Window | None = None
 
     def reset(
@@ -250,8 +270,9 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             state = draw_start(self.rules.start, self._np_random)
         else:
             state = State(*_one_state(self.rules.parameters, wanted))
-        self._steps, self._over = 0, False
-        return self._show(self._plant.reset(state), 0.0)
+        self._steps, self._over, self._force = 0, False, 0.0
+        self._state, self._seen = state, measure(self.rules.noise, state, self._np_random)
+        return self._tell()
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Push the cart for one time step.
@@ -264,20 +285,23 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             If no episode has begun, or the pole has fallen.
         """
         if self._over:
-            begun = self._scene is not None
-            why = "the pole has fallen" if begun else "no episode has begun"
+            why = "no episode has begun" if self._state is None else "the pole has fallen"
             raise ResetNeeded(f"{why}; call reset() before step()")
-        rules, rng = self.rules, self._np_random
-        assert rng is not None
-        force = disturb(rules.noise, self._force(action), rng)
-        state = self._plant.step(force)
-        self._over = has_fallen(rules.parameters, state)
+        rules = self.rules
+        arguments = rules, self._state, self._asked(action), self._rng()
+        if self._advance is None:
+            self._advance = machine_code(advance, *arguments)
+        self._state, self._seen, self._force, self._over = self._advance(*arguments)
         self._steps += 1
         reward = rules.step_reward + (rules.fall_reward if self._over else 0.0)
-        observation, info = self._show(state, force)
+        observation, info = self._tell()
         return observation, reward, self._over, False, info
 
-    def _force(self, action: Any) -> float:
+    def _rng(self) -> Any:
+        """Return what noise is drawn from; where there is none, what is passed on faster."""
+        return self._np_random if self._tells else NOTHING_DRAWN
+
+    def _asked(self, action: Any) -> float:
         """Return the force [N] that an action asks for."""
         limit = self.rules.parameters.force
         if self.continuous:
@@ -285,20 +309,16 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             is_number = asked.shape == (1,) and asked.dtype.kind in "fiu"
             if is_number and abs(asked[0]) <= np.float32(limit):
                 return float(asked[0])
-        elif self.action_space.contains(action):
+        elif (type(action) is int and 0 <= action <= 1) or self.action_space.contains(action):
             return limit if action == 1 else -limit
         raise InvalidAction(f"action is {action!r}; it must be in {self.action_space}")
 
-    def _show(self, state: State, force: float) -> tuple[Array, dict[str, Any]]:
-        """Measure the state; return the observation and what else is told."""
-        assert self._np_random is not None
-        seen = measure(self.rules.noise, state, self._np_random)
-        caption = f"step {self._steps:,}, {self._steps * self.rules.parameters.time_step:.1f} s"
-        self._scene = Scene(state, seen, force, caption)
+    def _tell(self) -> tuple[Array, dict[str, Any]]:
+        """Return the observation and what else is told."""
         if self.render_mode == "human":
             self.render()
-        info = {"state": np.array(state)} if is_noisy(self.rules.noise) else {}
-        return np.array(seen, self.dtype), info
+        info = {"state": np.array(self._state)} if self._tells else {}
+        return np.array(self._seen, self.dtype), info
 
     def render(self) -> Any:
         """Show the cart-pole, or return its picture.
@@ -311,11 +331,14 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() shows nothing; give a render_mode when making it")
             return None
-        if self._scene is None:
+        if self._state is None:
             raise ResetNeeded("no episode has begun; call reset() before render()")
+        seconds = self._steps * self.rules.parameters.time_step
+        caption = f"step {self._steps:,}, {seconds:.1f} s"
+        scene = Scene(self._state, self._seen, self._force, caption)
         if self.render_mode == "ansi":
-            return text_picture(self.rules.parameters, self._scene)
-        pixels = picture(self.rules.parameters, self._scene)
+            return text_picture(self.rules.parameters, scene)
+        pixels = picture(self.rules.parameters, scene)
         if self.render_mode == "rgb_array":
             return pixels
         if self._window is None:
@@ -330,8 +353,8 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self._window = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: all but the window."""
-        return self.__dict__ | {"_window": None}
+        """Return what is pickled: all but the window and the machine code."""
+        return self.__dict__ | {"_window": None, "_advance": None}
 
 
 def is_noisy(noise: Noise) -> bool:

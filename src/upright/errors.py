@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 
 class UprightError(ValueError):
@@ -42,3 +44,24 @@ def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
     allowed = list(allowed)
     if value not in allowed:
         raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}")
+
+
+def require_module(name: str, need: str, extra: str) -> Any:
+    """Return a library that is not needed for everything.
+
+    Parameters
+    ----------
+    need
+        Who needs what, such as "tuning needs Optuna".
+    extra
+        With which of the package's extras it is installed.
+
+    Raises
+    ------
+    UprightError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        raise UprightError(f"{need}: pip install 'upright[{extra}]'") from None

@@ -15,7 +15,7 @@ import numpy as np
 
 from upright import __version__
 from upright.agents.forms import BLOCK, Form, Network, Table, Unit
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require_module, require_one_of
 from upright.files import check_output, write_file
 from upright.policy import Policy, describe
 
@@ -257,7 +257,7 @@ def onnx_model(policy: Policy) -> bytes:
     UprightError
         If the policy's agent does not tell its form, or ONNX is not installed.
     """
-    form, onnx = _form(policy), require_onnx()
+    form, onnx = _form(policy), require_module("onnx", "this export needs ONNX", "onnx")
     graph = _Graph(onnx)
     if isinstance(form, Table):
         _add_table(graph, form)
@@ -283,21 +283,6 @@ def onnx_model(policy: Policy) -> bytes:
     onnx.checker.check_model(model, full_check=True)
     data: bytes = model.SerializeToString()
     return data
-
-
-def require_onnx() -> Any:
-    """Return the module.
-
-    Raises
-    ------
-    UprightError
-        If it is not installed.
-    """
-    try:
-        import onnx
-    except ImportError:
-        raise UprightError("this export needs ONNX: pip install 'upright[onnx]'") from None
-    return onnx
 
 
 def _values(onnx: Any, widths: dict[str, int]) -> list[Any]:

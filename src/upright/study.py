@@ -26,7 +26,7 @@ from upright.agents import AGENTS, Settings, is_outside, named_settings, restore
 from upright.agents.outside import Outside, is_learner
 from upright.cartpole import equations
 from upright.compiled import explain, is_compiled, sources_hash
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import UprightError, require, require_module, require_one_of
 from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import CONDITIONS, Task, draw_plant, make_task
@@ -135,7 +135,8 @@ def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
     For a learner that only knows Gymnasium it is the learner's own.
     """
     if is_learner(agent):
-        from upright.protocol import run_learner  # Gymnasium is an extra
+        require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
+        from upright.protocol import run_learner
 
         return run_learner
     if not is_compiled(agent):

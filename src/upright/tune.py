@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from upright.agents import Settings, named_settings
-from upright.errors import UprightError, require
+from upright.errors import UprightError, require, require_module
 from upright.report import bootstrap_interval
 from upright.search_space import Range
 from upright.store import Store
@@ -201,10 +201,7 @@ def require_optuna() -> Any:
     UprightError
         If it is not installed.
     """
-    try:
-        import optuna
-    except ImportError:
-        raise UprightError("tuning needs Optuna: pip install 'upright[tune]'") from None
+    optuna = require_module("optuna", "tuning needs Optuna", "tune")
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna
 
