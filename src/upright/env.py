@@ -430,6 +430,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self._batch_type = self.action_space.shape, self.action_space.dtype
         self.dtype, self.continuous = np.dtype(dtype), continuous
         self._lanes = make_lanes(num_envs)
         self._seeds: list[int | None] = [None] * num_envs
@@ -579,10 +580,11 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _is_batch(self, actions: Any) -> bool:
         """Whether actions are of the type that the compiled step takes."""
+        shape, dtype = self._batch_type
         return (
             type(actions) is np.ndarray
-            and actions.shape == self.action_space.shape
-            and actions.dtype is self.action_space.dtype
+            and actions.dtype is dtype
+            and actions.shape == shape
             and actions.flags.c_contiguous
         )
 
