@@ -263,9 +263,11 @@ def test_a_window_opens_with_the_first_episode_and_closes():
     ("options", "message"),
     [
         ({"noise": "loud"}, "noise is 'loud'; it must be one of none"),
+        ({"noise": 0.1}, "noise is 0.1; it must be one of none"),
         ({"noise": Noise(angle=-1.0)}, r"noise\.angle is -1\.0"),
         ({"noise": Noise(angle_offset=float("nan"))}, r"noise\.angle_offset is nan"),
         ({"start": "nowhere"}, "start is 'nowhere'"),
+        ({"start": None}, "start is None; it must be one of random, zero, wide"),
         ({"start": State(-1.0, 0.0, 0.0, 0.0)}, r"start\.x is -1\.0"),
         ({"reward": "gold"}, "reward is 'gold'; it must be one of survival, failure"),
         ({"dtype": "int8"}, "dtype is 'int8'; it must be one of float32, float64"),

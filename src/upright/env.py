@@ -34,6 +34,7 @@ MODES = {
     AutoresetMode.SAME_STEP: lanes.SAME_STEP,
     AutoresetMode.DISABLED: lanes.DISABLED,
 }
+"""What the loop calls Gymnasium's modes."""
 _NO_WORD = np.zeros(1, np.uint64)
 NOTHING_DRAWN = Stream(_NO_WORD, _NO_WORD, _NO_WORD, _NO_WORD, 0)
 """Stands for random numbers where none are drawn."""
@@ -62,10 +63,10 @@ def make_rules(
     UprightError
         If a name is unknown, a parameter is impossible, or a size of the noise is none.
     """
-    if isinstance(noise, str):
+    if not isinstance(noise, Noise):
         require_one_of("noise", noise, NOISES)
         noise = NOISES[noise]
-    if isinstance(start, str):
+    if not isinstance(start, State):
         require_one_of("start", start, STARTS)
         start = STARTS[start]
     for label, values in (("noise", noise), ("start", start)):
