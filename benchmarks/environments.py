@@ -6,19 +6,17 @@ pushes, when one episode in twenty ends with each step and the next one begins, 
 of a policy that balances, when none ever does. Only the steps are timed; medians are reported.
 """
 
-import argparse
 import ctypes
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
-from speed import C_PARAMETERS, address, load, machine, write_between_marks
+from speed import C_PARAMETERS, address, load, machine, make_parser, put
 
 SEED = 1
 ROUND = 25
@@ -247,16 +245,7 @@ def one_at_a_time(rounds: int) -> str:
 
 def main() -> None:
     """Measure, and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="FILE",
-        help="write the table into this page, between its two marks, as in docs/environment.md "
-        "(default: to the terminal)",
-    )
+    parser = make_parser(__doc__, "docs/environment.md")
     parser.add_argument("--count", type=int, default=4096, help="environments (default 4096)")
     parser.add_argument("--rounds", type=int, default=60, help="turns of each (default 60)")
     arguments = parser.parse_args()
@@ -271,10 +260,7 @@ def main() -> None:
         f"Python takes {100 * share:.0f} % of upright's step. {one_at_a_time(arguments.rounds)}\n"
         f"{machine()}.\n"
     )
-    if arguments.output:
-        write_between_marks(arguments.output, text)
-    else:
-        print(text, end="")
+    put(text, arguments.output)
 
 
 if __name__ == "__main__":

@@ -610,8 +610,26 @@ def table(lines: dict[str, Measurement]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
 
 
-def write_between_marks(path: Path, text: str) -> None:
-    """Write the table into a page, in place of the one that stands between its two marks."""
+def make_parser(description: str | None, page: str) -> argparse.ArgumentParser:
+    """Return a parser for a script whose table goes into a page or to the terminal."""
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help=f"write the table into this page, between its two marks, as in {page} "
+        "(default: to the terminal)",
+    )
+    return parser
+
+
+def put(text: str, path: Path | None) -> None:
+    """Write the table into a page, in place of the one between its two marks, or print it."""
+    if path is None:
+        print(text, end="")
+        return
     page = path.read_text(encoding="utf-8")
     before, _, rest = page.partition(MARKS[0])
     _, _, after = rest.partition(MARKS[1])
@@ -620,16 +638,7 @@ def write_between_marks(path: Path, text: str) -> None:
 
 def main() -> None:
     """Measure, and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="FILE",
-        help="write the table into this page, between its two marks, as in docs/performance.md "
-        "(default: to the terminal)",
-    )
+    parser = make_parser(__doc__, "docs/performance.md")
     parser.add_argument(
         "--repetitions",
         type=int,
@@ -652,10 +661,7 @@ def main() -> None:
         check(comparison, libraries)
         lines[comparison.what] = measure(comparison, libraries, arguments.repetitions)
     text = f"{table(lines)}\n{machine()}; one thread.\n"
-    if arguments.output:
-        write_between_marks(arguments.output, text)
-    else:
-        print(text, end="")
+    put(text, arguments.output)
 
 
 if __name__ == "__main__":
