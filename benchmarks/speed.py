@@ -62,13 +62,13 @@ Program = Callable[[int], Outcome]
 
 
 class CParameters(ctypes.Structure):
-    """`Parameters` of reference.c."""
+    """`Parameters` of cartpole.h."""
 
     _fields_ = [(name, ctypes.c_double) for name in Parameters._fields if name != "integrator"]
 
 
 class CQMemory(ctypes.Structure):
-    """`QMemory` of reference.c."""
+    """`QMemory` of cartpole.h."""
 
     _fields_ = [
         ("table", ctypes.c_void_p),
@@ -79,6 +79,7 @@ class CQMemory(ctypes.Structure):
         ("move_boxes", ctypes.c_void_p),
         ("kept_moves", ctypes.c_int64),
         ("moves", ctypes.c_int64),
+        ("mirrored", ctypes.c_bool),
     ]
 
 
@@ -329,7 +330,6 @@ def q_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
 
     def program(steps: int) -> Outcome:
         agent = copy.deepcopy(trained.agent)
-        assert agent.mirrored, "reference.c knows the default settings"
         assert agent.passes > 0, "reference.c knows the default settings"
         edges = [np.array(each) for each in agent.boxes.edges]
         memory = CQMemory(
@@ -341,6 +341,7 @@ def q_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
             address(agent.move_boxes),
             len(agent.move_boxes),
             int(agent.moves[0]),
+            agent.mirrored,
         )
         state, _ = start_of(trained)
         elapsed = timed_trial(steps, library.trial_q, ctypes.byref(memory), address(state))

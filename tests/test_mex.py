@@ -1,0 +1,77 @@
+"""Q-learning in C, as Octave calls it, makes the run that the package makes."""
+
+import shutil
+import subprocess
+from dataclasses import asdict, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from upright.agents.q_learning import SETTINGS
+from upright.cartpole import equations
+from upright.noise import NOISES
+from upright.task import make_task
+from upright.trials import compiled_run
+
+MATLAB = Path(__file__).parent.parent / "matlab"
+DEFAULT, PUBLISHED = SETTINGS["default"], SETTINGS["as-published"]
+OTHERS = (
+    replace(DEFAULT, mirrored=False),
+    replace(PUBLISHED, mirrored=True),
+    # Some measurements uncut, and a ring of moves that overflows at once.
+    replace(
+        DEFAULT, mirrored=False, kept_moves=7, passes=3, jitter=0.3, x_edges=(), theta_edges=(0.01,)
+    ),
+)
+TASKS = list(product((DEFAULT, PUBLISHED), NOISES, ("random",), (1, 2**32 - 1))) + list(
+    product(OTHERS, ("none", "all-10"), ("zero",), (0, 7))
+)
+
+
+def octave(value: Any) -> str:
+    """Return a number, a tuple of them, or a dictionary in Octave's language, to the last bit."""
+    if isinstance(value, dict):
+        fields = [f"'{name}', {octave(each)}" for name, each in value.items()]
+        return f"struct({', '.join(fields)})"
+    if isinstance(value, tuple):
+        return f"[{' '.join(map(octave, value))}]"
+    return repr(value).lower()
+
+
+def twister(number: int) -> np.random.Generator:
+    """Return NumPy's Mersenne Twister as C seeds it."""
+    bits = np.random.MT19937()
+    bits.state = np.random.RandomState(number).get_state(legacy=False)
+    return np.random.Generator(bits)
+
+
+@pytest.mark.skipif(
+    not all(map(shutil.which, ("octave-cli", "mkoctfile", "gcc"))),
+    reason="octave, octave-dev or gcc is not installed: the MEX function is not compared",
+)
+def test_the_mex_function_makes_the_same_runs_to_the_last_bit(tmp_path):
+    script = [f"addpath('{MATLAB}'); upright.build_mex('{tmp_path}'); addpath('{tmp_path}');"]
+    expected = []
+    for settings, noise, start, number in TASKS:
+        task = make_task(noise, start, steps=2000, trials=100)
+        rng = twister(number)
+        agent = settings.agent(rng)
+        lengths = np.zeros(task.trials, np.int64)
+        stop = np.zeros(1, np.bool_)
+        success = compiled_run(agent, equations(task.parameters), task, rng, lengths, stop)
+        expected.append([*lengths[lengths > 0], success > 0, *agent.table])
+        given = (task.parameters._asdict(), task.noise._asdict(), tuple(task.start))
+        values = ", ".join(map(octave, (*given, asdict(settings), number, task.steps, task.trials)))
+        script.append(f"[lengths, balanced, table] = q_learning_mex({values});")
+        script.append("printf('%.17g ', lengths, balanced, table); printf('\\n');")
+    (tmp_path / "compare.m").write_text("\n".join(script))
+    command = ["octave-cli", "--norc", tmp_path / "compare.m"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    lines = result.stdout.splitlines()
+    assert lines[0].startswith("built "), result.stderr
+    assert len(lines) == 1 + len(TASKS), result.stderr
+    for case, line, numbers in zip(TASKS, lines[1:], expected, strict=True):
+        assert list(map(float, line.split())) == numbers, case
