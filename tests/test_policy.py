@@ -300,7 +300,7 @@ BAD_FILES = {
     # Contract
     "units": (
         change_header(lambda header: header["observation"].__setitem__(2, "theta [deg]")),
-        r"its header says of observation: .*\[deg\].*must be .*\[rad\]",
+        r"it says of observation: .*\[deg\].*must be .*\[rad\]",
     ),
     "force": (
         change_header(lambda header: header.update({"force [N]": 1.0})),

@@ -215,13 +215,16 @@ examples:
   upright play policy.npz --noise gaussian-0.2 --start wide --window
   upright play policy.npz --condition delay-1 --video fall.mp4
   upright play policy.npz --episodes 100 --steps 600000
+  upright play policy.json                          what export wrote, or another language
 The policy plays what it learned on, but for the options given. It learns no more.
 With pictures there is one trial of 1,000 steps, 20 s, unless said otherwise. The pale pole and the
 lower mark are what the agent measured. Esc, q or closing the window ends the playing.
 exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.
 """,
     )
-    parser.add_argument("policy", metavar="POLICY", help="a policy saved by learn --save")
+    parser.add_argument(
+        "policy", metavar="POLICY", help="a policy saved by learn --save, or exported as .json"
+    )
     for part in ("noise", "start", "integrator", "condition"):
         parser.add_argument(f"--{part}", metavar="NAME", help=f"another {part}")
     parser.add_argument(
@@ -399,18 +402,20 @@ def _add_export(commands: "argparse._SubParsersAction[Parser]") -> None:
     parser = _command(
         commands,
         "export",
-        "write a saved policy as C99 or ONNX",
+        "write a saved policy as C99, ONNX or JSON",
         """\
 examples:
   upright learn reinforce --save policy.npz
   upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
   upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  upright export policy.npz policy.json  JSON: the numbers; play reads it, and MATLAB and Octave
   cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
-Both return the probability of a push to the right; docs/policies.md tells names and types.
+C and ONNX return the probability of a push to the right; docs/policies.md tells names and types,
+and the format of the JSON.
 """,
     )
     parser.add_argument("policy", metavar="POLICY", help="a file saved by learn --save")
-    parser.add_argument("output", metavar="OUTPUT", help="a file that ends in .h or .onnx")
+    parser.add_argument("output", metavar="OUTPUT", help="a file that ends in .h, .onnx or .json")
     _add_shared(parser, "--agent")
     parser.set_defaults(command=export)
 
@@ -636,11 +641,11 @@ def board(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """Carry out `upright show`."""
     from upright.errors import require_one_of
-    from upright.policy import describe, is_archive, read_header
+    from upright.policy import describe, is_policy, read_header
     from upright.report import FORMATS, render, summarise
     from upright.study import stored
 
-    if is_archive(options.source):
+    if is_policy(options.source):
         require_one_of("format of a policy", options.format, ("text",))
         _put(describe(read_header(options.source)) + "\n", options)
         return 0

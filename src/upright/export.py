@@ -1,6 +1,6 @@
-"""Learned policies for other places: a header in C99, a graph in ONNX.
+"""Learned policies for other places: a header in C99, a graph in ONNX, a form in JSON.
 
-Either is written from the policy's form (`agents/forms.py`) and carries its contract; no agent is
+Each is written from the policy's form (`agents/forms.py`) and carries its contract; no agent is
 known here. What they compute is what `Policy.push_probability` returns.
 """
 
@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
+from upright.agents.form_data import form_entries
 from upright.agents.forms import BLOCK, Form, Network, Table, Unit
 from upright.errors import UprightError, require_module, require_one_of
 from upright.files import check_output, write_file
-from upright.policy import Policy, describe
+from upright.policy import JSON_FORMAT, Policy, describe
 
 
 def export_policy(path: Path | str, policy: Policy) -> None:
@@ -380,5 +381,25 @@ def _add_table(graph: _Graph, table: Table) -> None:
     graph.add("Gather", probabilities, graph.cast(box, "INT64"), name="push_probability")
 
 
-WRITERS: dict[str, Callable[[Policy], str | bytes]] = {".h": c_header, ".onnx": onnx_model}
+# ---------------------------------------------------------------------------------------- JSON
+
+
+def json_form(policy: Policy) -> str:
+    """Return a policy as JSON, an entry a line; `load_policy` and other languages read it.
+
+    Raises
+    ------
+    UprightError
+        If the policy's agent does not tell its form, or the form is beyond what is read.
+    """
+    entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(_form(policy))}
+    lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+WRITERS: dict[str, Callable[[Policy], str | bytes]] = {
+    ".h": c_header,
+    ".onnx": onnx_model,
+    ".json": json_form,
+}
 """What each ending stands for."""

@@ -3,12 +3,15 @@
 The file is a NumPy archive: `header`, a text in JSON that anybody can read, and the arrays of the
 agent's memory. It may come from anywhere, so reading it executes nothing, and allocates no more
 than the settings in its header imply, which have bounds.
+
+A policy's form alone, as JSON, is what other languages write and read: it plays as well.
 """
 
+import codecs
 import io
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,10 +20,12 @@ from typing import IO, Any
 import numpy as np
 
 from upright import __version__
-from upright.agents import Settings, is_outside, restore_settings
+from upright.agents import AGENTS, Settings, is_outside, restore_settings
+from upright.agents.form_data import NUMBERS, restore_form
 from upright.agents.forms import Form
+from upright.agents.played import make_memory
 from upright.cartpole import State
-from upright.errors import UprightError, require
+from upright.errors import UprightError, require, require_one_of
 from upright.files import write_file
 from upright.study import Case
 from upright.task import Task, make_task
@@ -34,6 +39,15 @@ HEADER = {"agent": str, "task": dict, "settings": dict}
 """What reading needs of a header besides its format; all else is for people."""
 HEADER_LIMIT = 2**20
 """Characters that a header may have."""
+JSON_FORMAT = "upright policy form 1"
+JSON_HEADER = {"agent": str, "task": dict, "form": str}
+"""The same of a file in JSON."""
+JSON_LIMIT, JSON_MARKS = 2**25, 2 * 10**6
+"""How many bytes such a file may have, enough for the largest form; and how many of them may begin
+a list, an object or a text, which take more memory than numbers.
+"""
+LONGEST_ERROR = 500
+"""Characters of what is said of a file; its author chose some of them."""
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How arrays may be packed: so that no more is unpacked than is asked for."""
 
@@ -153,7 +167,7 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     Parameters
     ----------
     path
-        What `save_policy` wrote, or anything else.
+        What `save_policy` or `export_policy` wrote, the latter as JSON, or anything else.
     agent
         The agent that learned it. One from outside is code, which is imported; so it must be named
         here, as in the file.
@@ -163,6 +177,8 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     UprightError
         If the file is missing, damaged, not a policy, or another agent's.
     """
+    if _is_json(path):
+        return _load_json(path, agent)
     with _opened(path) as archive:
         header = _read_header(archive)
         _check_agent(header["agent"], agent)
@@ -171,18 +187,38 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
         memory = settings.agent(np.random.default_rng(0))
         _fill(memory, archive, finite=not is_outside(header["agent"]))
         policy = Policy(header["agent"], memory, header["task"])
-        _check_contract(policy, header)
+        _check_contract(policy, header, {"version"})
+    return policy
+
+
+def _load_json(path: Path | str, agent: str | None) -> Policy:
+    with _explained(path):
+        entries = _read_json(path)
+        _check_agent(entries["agent"], agent)
+        if agent is None:
+            require_one_of("agent", entries["agent"], AGENTS)
+        _check_task(entries["task"])
+        memory = make_memory(restore_form(entries))
+        policy = Policy(entries["agent"], memory, entries["task"])
+        # What these say follows from the form; other languages may word it otherwise.
+        _check_contract(policy, entries, {"version", "normalisation", "history"})
     return policy
 
 
 def read_header(path: Path | str) -> dict[str, Any]:
     """Return what a policy's file says of itself: its contract, and the settings of its agent.
 
+    Of a file in JSON: all but the numbers of its form.
+
     Raises
     ------
     UprightError
         If the file is missing, damaged, or not a policy.
     """
+    if _is_json(path):
+        with _explained(path):
+            entries = _read_json(path)
+        return {name: value for name, value in entries.items() if name not in NUMBERS}
     with _opened(path) as archive:
         return _read_header(archive)
 
@@ -194,26 +230,59 @@ def describe(contract: dict[str, Any]) -> str:
     )
 
 
-def is_archive(path: Path | str) -> bool:
+def is_policy(path: Path | str) -> bool:
     """Whether a file begins as a policy does, be it damaged further on."""
+    return _begin(path)[:2] == b"PK" or _is_json(path)
+
+
+def _is_json(path: Path | str) -> bool:
+    return _begin(path).removeprefix(codecs.BOM_UTF8).lstrip()[:1] == b"{"
+
+
+def _begin(path: Path | str) -> bytes:
+    """Return the first bytes of a file; none where there is no such file."""
     if not Path(path).is_file():
-        return False
-    with Path(path).open("rb") as file:
-        return file.read(2) == b"PK"
+        return b""
+    with _explained(path), Path(path).open("rb") as file:
+        return file.read(100)
+
+
+@contextmanager
+def _explained(path: Path | str) -> Iterator[None]:
+    """Make whatever is wrong with a policy's file one clear error."""
+    try:
+        yield
+    except Exception as error:  # nobody can list how a foreign file makes its readers fail
+        said = str(error)
+        said = said if len(said) <= LONGEST_ERROR else said[:LONGEST_ERROR] + " …"
+        raise UprightError(f"policy is {str(path)!r}; it cannot be read: {said}") from error
 
 
 @contextmanager
 def _opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
-    """Open a policy's file; whatever is wrong with it becomes one clear error."""
+    """Open a policy's file."""
     if not Path(path).is_file():
         raise UprightError(f"policy is {str(path)!r}; there is no such file")
     if not zipfile.is_zipfile(path):
         raise UprightError(f"policy is {str(path)!r}; it is damaged, or no file of a policy")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            yield archive
-    except Exception as error:  # nobody can list how a foreign file makes its readers fail
-        raise UprightError(f"policy is {str(path)!r}; it cannot be read: {error}") from error
+    with _explained(path), zipfile.ZipFile(path) as archive:
+        yield archive
+
+
+def _read_json(path: Path | str) -> dict[str, Any]:
+    """Return the entries of a file in JSON, its form yet to be looked at."""
+    with Path(path).open("rb") as file:
+        data = file.read(JSON_LIMIT + 1)
+    if len(data) > JSON_LIMIT:
+        raise ValueError(f"it is larger than {JSON_LIMIT:,} bytes")
+    if sum(map(data.count, (b"[", b"{", b'"'))) > JSON_MARKS:
+        raise ValueError(f"it has more than {JSON_MARKS:,} lists, objects and texts")
+    entries = json.loads(data.decode("utf-8-sig"), parse_constant=_refuse_constant)
+    return _check_header(entries, JSON_FORMAT, JSON_HEADER)
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"it holds {name}, which is no number")
 
 
 def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
@@ -224,11 +293,16 @@ def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
         if shape != () or dtype.kind != "U" or dtype.itemsize > 4 * HEADER_LIMIT:
             raise ValueError(f"its header is no text of at most {HEADER_LIMIT:,} characters")
         header = json.loads(str(np.ndarray((), dtype, _read(member, dtype.itemsize))))
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise ValueError(f"its header does not say that its format is {FORMAT!r}")
-    for name, kind in HEADER.items():
+    return _check_header(header, FORMAT, HEADER)
+
+
+def _check_header(header: Any, form: str, needed: Mapping[str, type]) -> dict[str, Any]:
+    """Return a header, having made sure that it is one of this format."""
+    if not isinstance(header, dict) or header.get("format") != form:
+        raise ValueError(f"it does not say that its format is {form!r}")
+    for name, kind in needed.items():
         if not isinstance(header.get(name), kind):
-            raise ValueError(f"its header does not tell its {name}")
+            raise ValueError(f"it does not tell its {name}")
     return header
 
 
@@ -287,11 +361,11 @@ def _check_task(task: dict[str, Any]) -> None:
         require(name, task[name], 0, whole=True)
 
 
-def _check_contract(policy: Policy, header: dict[str, Any]) -> None:
+def _check_contract(policy: Policy, header: dict[str, Any], for_people: set[str]) -> None:
     """Make sure that what the file promises is what its policy does."""
     for name, ours in policy.contract().items():
-        if name != "version" and header.get(name, ours) != ours:
-            raise ValueError(f"its header says of {name}: {header[name]!r}; it must be {ours!r}")
+        if name not in for_people and header.get(name, ours) != ours:
+            raise ValueError(f"it says of {name}: {header[name]!r}; it must be {ours!r}")
 
 
 def _arrays(memory: Any, prefix: str = "") -> list[tuple[str, np.ndarray]]:

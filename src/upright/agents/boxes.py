@@ -6,7 +6,7 @@ what compiled code reads.
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
@@ -49,19 +49,25 @@ def edges_of(settings: Any) -> dict[str, tuple[float, ...]]:
 
 
 def check_edges(settings: Any) -> None:
-    """Raise UprightError unless the edges ascend and, if `mirrored`, are alike in ±.
+    """Raise UprightError unless `check_cuts` agrees and, if `mirrored`, edges are alike in ±."""
+    check_cuts(edges_of(settings))
+    for name, edges in edges_of(settings).items():
+        if settings.mirrored and not np.allclose(edges, -np.flip(edges)):
+            raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
+
+
+def check_cuts(cuts: Mapping[str, Sequence[float]]) -> None:
+    """Raise UprightError unless the edges, by name, ascend.
 
     They must be no more than MOST_EDGES, and make no more than MOST_BOXES.
     """
-    for name, edges in edges_of(settings).items():
+    for name, edges in cuts.items():
         require(f"the number of {name}", len(edges), 0, MOST_EDGES, whole=True)
         for edge in edges:
             require(f"an edge in {name}", edge, -1e6, 1e6)
         if list(edges) != sorted(set(edges)):
             raise UprightError(f"{name} is {edges!r}; its edges must ascend")
-        if settings.mirrored and not np.allclose(edges, -np.flip(edges)):
-            raise UprightError(f"{name} is {edges!r}; mirrored boxes need edges alike in ±")
-    count = math.prod(len(edges) + 1 for edges in edges_of(settings).values())
+    count = math.prod(len(edges) + 1 for edges in cuts.values())
     require("the number of boxes", count, 1, MOST_BOXES, whole=True)
 
 
