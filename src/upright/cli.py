@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright import __version__
-from upright.agents import AGENTS
+from upright.agents import AGENTS, MATLAB_AGENTS
 from upright.errors import UprightError
 from upright.published import CASES, RUNS, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 
@@ -78,6 +78,7 @@ examples:
   upright plot policy results/reinforce.npz    a picture of what was learned
   upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings
+  upright matlab table                         Q-learning in MATLAB code, run by Octave
 `upright COMMAND --help` shows more of each.
 """,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -96,6 +97,7 @@ examples:
         _add_export,
         _add_agents,
         _add_tune,
+        _add_matlab,
     ):
         add(commands)
     return parser
@@ -129,6 +131,15 @@ SHARED: dict[str, dict[str, Any]] = {
         "default": ",".join(AGENTS),
         "metavar": "LIST",
         "help": "agents, with commas between (default: all)",
+    },
+    "--noises": {
+        "default": "all",
+        "metavar": "LIST",
+        "help": "noise cases, with commas between (default: all)",
+    },
+    "--store": {
+        "metavar": "FILE",
+        "help": "keep every finished run there, and take from it what is done",
     },
     "--runs": _whole(RUNS, "independent runs of each case"),
     "--seed": _whole(0, "the same seed gives the same result"),
@@ -198,6 +209,11 @@ examples:
     _add_shared(parser, *TASK)
     parser.add_argument("--run", **_whole(0, "number of the run within its study", "K"))
     _add_shared(parser, "--set")
+    parser.add_argument(
+        "--twister",
+        action="store_true",
+        help="draw the random numbers of the MATLAB twin, whose run K + 1 has the same trials",
+    )
     parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
     parser.add_argument("--save", metavar="FILE", help="save the policy, as FILE.npz")
     parser.add_argument("--quiet", action="store_true", help="print only how it ended")
@@ -257,21 +273,8 @@ examples:
   upright table --format json --output table.json
 {TASK_HELP}""",
     )
-    _add_shared(parser, "--agents")
-    parser.add_argument(
-        "--noises",
-        default="all",
-        metavar="LIST",
-        help="noise cases, with commas between (default: all)",
-    )
-    _add_shared(parser, "--runs", *TASK)
-    parser.add_argument(
-        "--store",
-        metavar="FILE",
-        help="keep every finished run there, and take from it what is done",
-    )
-    _add_shared(parser, "--format", "--output")
-    parser.set_defaults(command=table)
+    _add_shared(parser, "--agents", "--noises", "--runs", *TASK, "--store", "--format", "--output")
+    parser.set_defaults(command=table, language="Python")
 
 
 def _add_reproduce(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -482,6 +485,52 @@ command goes on where it was.
     parser.set_defaults(command=tune)
 
 
+def _add_matlab(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "matlab",
+        "the MATLAB twin: Q-learning and REINFORCE in MATLAB code, run by GNU Octave or MATLAB",
+        """\
+examples:
+  upright matlab table --runs 100        the seven noise cases, learned in MATLAB code
+  upright matlab path                    the folder to add to MATLAB's or Octave's path
+docs/matlab.md tells more.
+""",
+    )
+    parts = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser = _command(
+        parts,
+        "table",
+        "measure the twin's agents over many runs, beside published figures",
+        f"""\
+examples:
+  upright matlab table --agents q-learning,random-search --noises none --runs 20
+  upright matlab table --runs 100 --store runs.sqlite   (stopped? the same goes on)
+  upright show runs.sqlite                              with what Python learned
+agents: {", ".join(MATLAB_AGENTS)}. Run K draws what MATLAB's rand gives after
+  rng(10^6 seed + K); so does `upright learn --twister --run K-1`, and has the same trials.
+What runs it is MATLAB where that is on the path, else Octave; the variable UPRIGHT_MATLAB names
+another program. Q-learning is some hundred times as fast once upright.build_mex() was called.
+""",
+    )
+    agents = SHARED["--agents"] | {"default": ",".join(MATLAB_AGENTS)}
+    parser.add_argument("--agents", **agents)
+    _add_shared(parser, "--noises", "--runs", "--steps", "--trials", "--start", "--seed")
+    _add_shared(parser, "--settings", "--store", "--format", "--output")
+    parser.set_defaults(command=table, language="MATLAB", integrator="euler", condition="nominal")
+    parser = _command(
+        parts,
+        "path",
+        "print the folder of the MATLAB code",
+        """\
+example, in MATLAB or Octave:
+  addpath FOLDER
+  help upright
+""",
+    )
+    parser.set_defaults(command=matlab_path)
+
+
 def learn(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
     from upright.errors import require
@@ -501,7 +550,9 @@ def learn(options: argparse.Namespace) -> int:
 
         check_output(options.save)
         check_policy(case)
-    memory, result = watch_run(case, options.seed, options.run, quiet=options.quiet)
+    memory, result = watch_run(
+        case, options.seed, options.run, quiet=options.quiet, twister=options.twister
+    )
     if options.plot:
         title = f"{case.agent}, {case.noise}, seed {options.seed}, run {options.run}"
         save(plot_curve(result.lengths, case.steps, title), options.plot)
@@ -566,7 +617,7 @@ def _task(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def table(options: argparse.Namespace) -> int:
-    """Carry out `upright table`."""
+    """Carry out `upright table` and `upright matlab table`."""
     from upright.errors import require_one_of
     from upright.files import check_output
     from upright.progress import study_with_progress
@@ -578,7 +629,7 @@ def table(options: argparse.Namespace) -> int:
     check_study(options.runs, options.seed)
     noises = CASES if options.noises == "all" else _split(options.noises)
     cases = [
-        make_case(agent, options.settings, noise=noise, **_task(options))
+        make_case(agent, options.settings, noise=noise, language=options.language, **_task(options))
         for agent in _split(options.agents)
         for noise in noises
     ]
@@ -614,6 +665,14 @@ def _put(text: str, options: argparse.Namespace) -> None:
         write_file(options.output, text)
     else:
         print(text, end="")
+
+
+def matlab_path(_options: argparse.Namespace) -> int:
+    """Carry out `upright matlab path`."""
+    from upright.matlab import folder
+
+    print(folder())
+    return 0
 
 
 def reproduce(options: argparse.Namespace) -> int:

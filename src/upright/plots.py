@@ -69,7 +69,7 @@ def save(figure: Figure, path: Path | str) -> None:
 
 def name(case: Case) -> str:
     """Return the name of a case's agent and settings, for a legend."""
-    return case.agent if case.label == "default" else f"{case.agent}, {case.label}"
+    return case.name if case.label == "default" else f"{case.name}, {case.label}"
 
 
 def _style(axes: Axes) -> None:

@@ -13,7 +13,7 @@ from upright import __version__
 from upright.errors import require_one_of
 from upright.published import SOURCES, figures
 from upright.store import Result, Store
-from upright.study import Case
+from upright.study import Case, named
 
 CONFIDENCE = 0.95
 RESAMPLES = 9_999
@@ -67,6 +67,13 @@ class Row:
     """Seed of the study."""
     version: str = __version__
     """Version of this package."""
+    language: str = "Python"
+    """In which language it ran."""
+
+    @property
+    def name(self) -> str:
+        """Name of the agent, for people."""
+        return named(self.agent, self.language)
 
 
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
@@ -97,6 +104,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         seconds=sum(result.seconds for result in results),
         published=figures(case.agent, case.noise),
         seed=seed,
+        language=case.language,
     )
 
 
@@ -170,7 +178,7 @@ def study_table(rows: Sequence[Row]) -> Table:
     measured = ["Agent", "Settings", "Noise", "Success", "Mean trials", "Median", "p95", "Max"]
     body = [
         [
-            row.agent,
+            row.name,
             row.settings,
             row.noise,
             success_text(row),

@@ -13,6 +13,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     as_completed,
 )
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
 from os import cpu_count
@@ -21,8 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from upright import trials
-from upright.agents import AGENTS, Settings, is_outside, named_settings, restore_settings
+from upright import matlab, trials
+from upright.agents import (
+    AGENTS,
+    MATLAB_AGENTS,
+    Settings,
+    is_outside,
+    named_settings,
+    restore_settings,
+)
 from upright.agents.outside import Outside, is_learner
 from upright.cartpole import equations
 from upright.compiled import explain, is_compiled, sources_hash
@@ -37,6 +45,8 @@ SHARED = tuple(
 """What agents share, besides the task."""
 GYMNASIUM = ("env.py", "protocol.py")
 """What learners from outside that only know Gymnasium share, besides that."""
+LANGUAGES = ("Python", "MATLAB")
+"""In which a run can be made: this package, or its MATLAB twin."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +71,39 @@ class Case:
     """Name of the integrator."""
     condition: str = "nominal"
     """Name of the condition."""
+    language: str = "Python"
+    """One of LANGUAGES."""
 
     def __post_init__(self) -> None:
         """Refuse a case that cannot be run."""
+        require_one_of("language", self.language, LANGUAGES)
         outside = getattr(self.settings, "agent_name", "module:name")
         require_one_of("agent", self.agent, [*AGENTS, outside])
         self.task()
+        if self.language == "MATLAB":
+            require_one_of("agent of the MATLAB twin", self.agent, MATLAB_AGENTS)
+            require_one_of("integrator of the MATLAB twin", self.integrator, ["euler"])
+            require_one_of("condition of the MATLAB twin", self.condition, ["nominal"])
+
+    @property
+    def name(self) -> str:
+        """Name of the agent, for people."""
+        return named(self.agent, self.language)
+
+    def wanted(self, seed: int, runs: Iterable[int]) -> matlab.Wanted:
+        """Return what the MATLAB twin must know to make runs of this case.
+
+        Raises
+        ------
+        UprightError
+            If its settings have no name.
+        """
+        if self.settings != named_settings(self.agent).get(self.label):
+            raise UprightError(
+                "settings are changed; the MATLAB twin takes default or as-published"
+            )
+        task = (self.noise, self.start, self.steps, self.trials)
+        return matlab.Wanted(self.agent, self.label, *task, seed, tuple(runs))
 
     def task(self) -> Task:
         """Return the task in numbers; where every run has its own plant, with the nominal one."""
@@ -77,8 +114,15 @@ class Case:
     @cached_property
     def key(self) -> str:
         """Everything that determines a run save its seed, the rule's own code included, as JSON."""
-        values = asdict(self) | {"rule": rule_version(self.agent)}
+        ours = self.language == "Python"
+        rule = rule_version(self.agent) if ours else matlab.twin_version()
+        values = asdict(self) | {"rule": rule}
         return json.dumps(values, sort_keys=True)
+
+
+def named(agent: str, language: str) -> str:
+    """Return an agent's name, with the language where that is not Python."""
+    return agent if language == "Python" else f"{agent} ({language})"
 
 
 @cache
@@ -117,6 +161,24 @@ def random_numbers(seed: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
 
 
+def twister_numbers(seed: int, run: int) -> np.random.Generator:
+    """Return the stream that the MATLAB twin draws in its run of number `run + 1`.
+
+    It is what MATLAB's rand gives after rng(10⁶ seed + run + 1): M. Matsumoto & T. Nishimura's
+    Mersenne Twister.
+
+    Raises
+    ------
+    UprightError
+        If MATLAB has no such stream.
+    """
+    require("seed of the Mersenne Twister", seed, 0, matlab.MOST_SEEDS, whole=True)
+    seeded: Any = np.random.RandomState(10**6 * seed + run + 1).get_state(legacy=False)
+    twister = np.random.MT19937()
+    twister.state = seeded
+    return np.random.Generator(twister)
+
+
 def make_run_task(case: Case, seed: int, run: int) -> Task:
     """Return the task of one run, with the plant that is the run's own where they vary.
 
@@ -151,6 +213,7 @@ def make_run(
     run: int,
     lengths: np.ndarray | None = None,
     stop: np.ndarray | None = None,
+    numbers: Callable[[int, int], np.random.Generator] = random_numbers,
 ) -> tuple[Any, Result | None]:
     """Let a new agent learn.
 
@@ -161,6 +224,8 @@ def make_run(
         thread that watches.
     stop
         Set its one element, a bool, to end the run before its next trial.
+    numbers
+        Where a run's random numbers come from: `random_numbers`, or `twister_numbers`.
 
     Returns
     -------
@@ -173,7 +238,7 @@ def make_run(
         If an agent from outside lacks a method or cannot be compiled, or a learner from outside
         ends before its run.
     """
-    rng = random_numbers(seed, run)
+    rng = numbers(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
@@ -228,30 +293,53 @@ def study(
         Told of every run as it ends.
     executor
         Where to run. Unless given, every core has a thread, which is enough for compiled runs; or
-        a process, if some agent is plain Python, which can use one core at a time.
+        a process, if some agent is plain Python, which can use one core at a time. Runs of the
+        MATLAB twin have processes of their own.
 
     Raises
     ------
     UprightError
-        If `runs` or `seed` is no whole number in its range.
+        If `runs` or `seed` is no whole number in its range, or MATLAB or Octave is needed and
+        missing.
     KeyboardInterrupt
         If interrupted; the runs that had ended are in the store.
     """
     check_study(runs, seed)
+    missing = {
+        case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in list(cases)
+    }
+    ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
+    twins = {case.wanted(seed, missing[case]): case for case in missing if case not in ours}
+
+    def keep(case: Case, result: Result) -> None:
+        store.add(case.key, seed, result)
+        on_result(case, result)
+
+    _study_here(ours, seed, keep, executor)
+    with closing(matlab.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
+        for wanted, result in ended:
+            keep(twins[wanted], result)
+
+
+def _study_here(
+    missing: dict[Case, list[int]],
+    seed: int,
+    keep: Callable[[Case, Result], None],
+    executor: Executor | None,
+) -> None:
+    """Make the missing runs of this package's agents."""
     stop = np.zeros(1, np.bool_)
-    cases = list(cases)
     others = set(multiprocessing.active_children())
-    workers = executor or _workers(cases)
+    workers = executor or _workers(list(missing))
     futures: dict[Future[Result | None], Case] = {}
     try:
-        for case in cases:
-            for run in sorted(set(range(runs)) - store.finished(case.key, seed)):
+        for case, numbers in missing.items():
+            for run in numbers:
                 futures[workers.submit(_job, case, seed, run, stop)] = case
         for future in as_completed(futures):
             result, case = future.result(), futures[future]
             assert result is not None, "only an interrupt stops a run"
-            store.add(case.key, seed, result)
-            on_result(case, result)
+            keep(case, result)
     except BaseException:
         stop[0] = True  # seen by threads; runs elsewhere end by themselves
         for future in futures:

@@ -12,7 +12,7 @@ from upright.drawing import Window, write_video
 from upright.play import Played, pictures, play
 from upright.policy import Policy
 from upright.store import Result
-from upright.study import Case, make_run
+from upright.study import Case, make_run, random_numbers, twister_numbers
 
 BAR = 40
 """Width of the longest bar [characters]."""
@@ -20,8 +20,19 @@ POLL = 0.05
 """Time between two looks at the run [s]."""
 
 
-def watch_run(case: Case, seed: int, run: int, *, quiet: bool = False) -> tuple[Any, Result]:
+def watch_run(
+    case: Case, seed: int, run: int, *, quiet: bool = False, twister: bool = False
+) -> tuple[Any, Result]:
     """Make a run and print a line for each trial as it ends, then how the run ended.
+
+    Parameters
+    ----------
+    case, seed, run
+        What is run.
+    quiet
+        Whether only the end is told.
+    twister
+        Whether it draws the random numbers of the MATLAB twin.
 
     Returns
     -------
@@ -36,7 +47,8 @@ def watch_run(case: Case, seed: int, run: int, *, quiet: bool = False) -> tuple[
     lengths, stop = np.zeros(case.trials, np.int64), np.zeros(1, np.bool_)
     shown = 0
     thread = ThreadPoolExecutor(1)
-    future = thread.submit(make_run, case, seed, run, lengths, stop)
+    numbers = twister_numbers if twister else random_numbers
+    future = thread.submit(make_run, case, seed, run, lengths, stop, numbers)
     try:
         while not wait([future], POLL).done:
             shown = shown if quiet else _show(case, lengths, shown)

@@ -8,8 +8,8 @@ function lockstep(learners, task, random, count, on_end)
 %                 learn(runs, right, observation, fallen)    after each step
 %                 end_trial(runs)                            after falls
 %                 policy(run)                                what was learned
-%               and patience: how many steps of all the others are worth waiting for, so that
-%               more runs learn from their falls at once.
+%               and patience: how many steps a fallen run waits for others to fall, so that more
+%               of them learn at once.
 %     task      from upright.internal.make_task
 %     random    from upright.internal.random_streams
 %     count     number of runs
@@ -22,7 +22,7 @@ function lockstep(learners, task, random, count, on_end)
     lengths = zeros(count, 16);
     ended = zeros(count, 1);                           % trials of each run
     resting = (1:count)';                              % between two trials
-    waited = Inf;                                      % steps that resting runs have missed
+    waited = 0;                                        % steps that some of them have missed
     running = zeros(0, 1);                             % in a trial, a row each in what follows
     state = zeros(0, 4);
     observation = zeros(0, 4);
@@ -31,13 +31,12 @@ function lockstep(learners, task, random, count, on_end)
     act = learners.act;
     learn = learners.learn;
     draw = @draw_for_running;
+    patience = learners.patience;
 
     while ~isempty(running) || ~isempty(resting)
-        if waited > learners.patience * numel(running)
+        if isempty(running) || (waited >= patience && ~isempty(resting))
             begin_trials();
-        end
-        if isempty(running)
-            continue                                   % the last runs ended by failure
+            continue                                   % as all of them may have failed for good
         end
         right = act(running, observation);
         force = upright.disturb(task.noise, p.force * (2 * right - 1), draw);
@@ -47,10 +46,10 @@ function lockstep(learners, task, random, count, on_end)
         learn(running, right, observation, fallen);
         steps = steps + 1;
         over = fallen | steps >= task.steps;
+        waited = waited + 1;
         if any(over)
             end_trials(over, fallen);
         end
-        waited = waited + numel(resting);
     end
 
     function begin_trials()
@@ -64,7 +63,9 @@ function lockstep(learners, task, random, count, on_end)
         end
         begun = resting(ended(resting) < task.trials);
         resting = zeros(0, 1);
-        waited = 0;
+        if isempty(begun)
+            return
+        end
         start = upright.internal.draw_start(task.start, @draw_for_begun);
         seen = upright.measure(task.noise, start, @draw_for_begun);
         learners.begin_trial(begun, seen);
@@ -92,14 +93,14 @@ function lockstep(learners, task, random, count, on_end)
         for run = running(over & ~fallen)'
             finish(run, true);
         end
+        if isempty(resting)
+            waited = 0;
+        end
         resting = [resting; running(over & fallen)];
         running = running(~over);
         state = state(~over, :);
         observation = observation(~over, :);
         steps = steps(~over);
-        if isempty(running)
-            waited = Inf;
-        end
     end
 
     function finish(run, success)

@@ -10,7 +10,8 @@ function learners = q_learners(s, count, random)
     places = upright.internal.table_places(s);         % of box b: b and, right, b + boxes.count
     to_right = boxes.count;
     entries = numel(places);
-    table = s.jitter * (random((1:count)', entries)' - 0.5);
+    rows_of_table = entries + 1;                       % the last one stands for nothing
+    table = [s.jitter * (random((1:count)', entries)' - 0.5); zeros(1, count)];
     FALL = 0;                                          % stands for the box that a fall leads to
     box = zeros(count, 1);                             % in which each run is
     move_places = zeros(s.kept_moves, count);          % where the table has a move: a ring
@@ -18,7 +19,7 @@ function learners = q_learners(s, count, random)
     moved = zeros(count, 1);                           % how many moves there were
 
     learners = struct('begin_trial', @begin_trial, 'act', @act, 'learn', @learn, ...
-        'end_trial', @end_trial, 'policy', @policy, 'patience', 200 * (s.passes > 0));
+        'end_trial', @end_trial, 'policy', @policy, 'patience', 1000 * (s.passes > 0));
 
     function begin_trial(runs, observation)
         box(runs) = upright.internal.find_box(boxes, observation);
@@ -26,7 +27,7 @@ function learners = q_learners(s, count, random)
 
     function right = act(runs, ~)
         now = box(runs);
-        offset = (runs - 1) * entries;
+        offset = (runs - 1) * rows_of_table;
         right = table(places(now + to_right) + offset) > table(places(now) + offset);
     end
 
@@ -36,7 +37,7 @@ function learners = q_learners(s, count, random)
         next(fallen) = FALL;
         box(runs) = next;
         if s.passes == 0
-            offset = (runs - 1) * entries;
+            offset = (runs - 1) * rows_of_table;
             change(places(before + to_right * right) + offset, one_step_value(next, offset));
             return
         end
@@ -53,14 +54,12 @@ function learners = q_learners(s, count, random)
 
     function end_trial(runs)
         if s.passes > 0
-            kept = min(moved(runs), s.kept_moves);
-            [kept, order] = sort(kept, 'descend');     % so that the runs with a move come first
-            replay(runs(order), kept);
+            replay(runs);
         end
     end
 
     function made = policy(run)
-        made = upright.internal.table_policy(s, table(:, run)');
+        made = upright.internal.table_policy(s, table(1:entries, run)');
     end
 
     function value = one_step_value(next, offset)
@@ -77,33 +76,38 @@ function learners = q_learners(s, count, random)
         table(place) = now + s.learning_rate * (value - now);
     end
 
-    function replay(runs, kept)
+    function replay(runs)
         % Go through the kept moves backwards, those of all runs at once, a column for each move.
-        % All that can be known before any value changes is looked up first.
-        offset = (runs - 1) * entries;
-        back = 1:kept(1);
-        rows = 1 + mod(moved(runs) - back, s.kept_moves) + (runs - 1) * s.kept_moves;
-        place = reshape(move_places(rows), size(rows)) + offset;
+        % All that can be known before any value changes is looked up first. A run with fewer moves
+        % than others spends the rest of the time on an entry of the table that nobody reads.
+        kept = min(moved(runs), s.kept_moves);
+        back = 1:max(kept);
+        rows = mod(moved(runs) - back, s.kept_moves) + 1 + (runs - 1) * s.kept_moves;
         next = reshape(move_boxes(rows), size(rows));
         fell = next == FALL;
-        next(fell) = 1;
+        next(fell) = 1;                                % any box
+        idle = back > kept;
+        next(idle) = 1;
+        fell(idle) = false;
+        offset = (runs - 1) * rows_of_table;
         left = reshape(places(next), size(rows)) + offset;
         right = reshape(places(next + to_right), size(rows)) + offset;
+        place = reshape(move_places(rows), size(rows));
+        place(idle) = rows_of_table;
+        place = place + offset;
         some_fell = any(fell, 1);
-        having = sum(kept >= back, 1);      % how many runs have so many moves
 
         keep = 1 - s.trace;
         pass_on = s.trace * s.discount;
         for pass = 1:s.passes
             value = zeros(numel(runs), 1);
             for k = back
-                some = 1:having(k);
-                best = max(table(left(some, k)), table(right(some, k)));
-                value = keep * (s.discount * best) + pass_on * value(some);
+                best = max(table(left(:, k)), table(right(:, k)));
+                value = keep * (s.discount * best) + pass_on * value;
                 if some_fell(k)
-                    value(fell(some, k)) = -1;
+                    value(fell(:, k)) = -1;
                 end
-                where = place(some, k);
+                where = place(:, k);
                 now = table(where);
                 table(where) = now + s.learning_rate * (value - now);
             end

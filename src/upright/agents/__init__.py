@@ -23,6 +23,9 @@ AGENTS = {
 }
 """Where each agent is found. Modules are imported when used: compiled code is slow to load."""
 
+MATLAB_AGENTS = ("q-learning", "reinforce", "random-search")
+"""The agents that the MATLAB twin has, too."""
+
 
 class Settings(Protocol):
     """The settings of an agent: a frozen dataclass that checks its values and makes the agent."""

@@ -1,0 +1,54 @@
+function export_policy(policy, file)
+%EXPORT_POLICY  Write a learned policy to a file, for Python and other programs.
+%   upright.export_policy(policy, file) writes JSON, whole or not at all: the policy as data, with
+%   what one must know to use it. In Python, `upright play policy.json` lets it balance.
+%
+%     policy   what a learner learned: result.policy
+%     file     name of a file that ends in .json
+%
+%   Example:
+%     result = upright.q_learning();
+%     upright.export_policy(result.policy, 'policy.json');
+%
+%   See also upright.import_policy, upright.simulate.
+    if ~ischar(file) || ~endsWith(file, '.json')
+        error('upright:badValue', 'file is %s; it must be a name that ends in .json', ...
+            upright.internal.shown(file));
+    end
+    upright.internal.check_policy(policy);
+    if ~isfield(policy, 'agent') || ~isfield(policy, 'task')
+        error('upright:badPolicy', ...
+            'policy does not say who learned it, and on what: fields agent and task');
+    end
+    entries = struct('format', upright.internal.policy_format());
+    for name = {'agent', 'task', 'form'}
+        entries.(name{1}) = policy.(name{1});
+    end
+    if strcmp(policy.form, 'table')
+        entries.edges = reshape(policy.edges, 1, []);
+        entries.probabilities = policy.probabilities;
+    else
+        entries.scales = policy.scales;
+        entries.past = policy.past;
+        entries.layers = num2cell(reshape(policy.layers, 1, []));
+        for k = 1:numel(entries.layers)
+            entries.layers{k}.weights = num2cell(entries.layers{k}.weights, 2)';
+        end
+    end
+    upright.internal.write_file(file, [upright.internal.to_json(entries) sprintf('\n')]);
+end
+
+%!test  # both forms come back as they were, but for the last bit of a number
+%! for learn = {@upright.q_learning, @upright.reinforce}
+%!   result = learn{1} ('steps', 100);
+%!   file = [tempname() '.json'];
+%!   upright.export_policy (result.policy, file);
+%!   back = upright.import_policy (file);
+%!   delete (file);
+%!   seen = bsxfun (@times, 2 * rand (1000, 4) - 1, [2 2 0.2 2]);
+%!   assert (upright.push_probability (back, seen), upright.push_probability (result.policy, seen), 1e-12);
+%!   assert (back.task, result.policy.task);
+%! end
+%!error id=upright:badValue upright.export_policy (struct (), 'policy.txt')
+%!error id=upright:badPolicy upright.export_policy (struct (), 'policy.json')
+%!error <cannot be written> upright.internal.write_file (fullfile (tempname (), 'x', 'policy.json'), 'x')
