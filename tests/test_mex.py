@@ -1,14 +1,13 @@
 """Q-learning in C, as Octave calls it, makes the run that the package makes."""
 
-import shutil
 import subprocess
 from dataclasses import asdict, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from octave import HAS_COMPILER, MATLAB
 
 from upright.agents.q_learning import SETTINGS
 from upright.cartpole import equations
@@ -16,7 +15,6 @@ from upright.noise import NOISES
 from upright.task import make_task
 from upright.trials import compiled_run
 
-MATLAB = Path(__file__).parent.parent / "matlab"
 DEFAULT, PUBLISHED = SETTINGS["default"], SETTINGS["as-published"]
 OTHERS = (
     replace(DEFAULT, mirrored=False),
@@ -48,10 +46,8 @@ def twister(number: int) -> np.random.Generator:
     return np.random.Generator(bits)
 
 
-@pytest.mark.skipif(
-    not all(map(shutil.which, ("octave-cli", "mkoctfile", "gcc"))),
-    reason="octave, octave-dev or gcc is not installed: the MEX function is not compared",
-)
+@pytest.mark.octave
+@pytest.mark.skipif(not HAS_COMPILER, reason="octave-dev or gcc is not installed")
 def test_the_mex_function_makes_the_same_runs_to_the_last_bit(tmp_path):
     script = [f"addpath('{MATLAB}'); upright.build_mex('{tmp_path}'); addpath('{tmp_path}');"]
     expected = []

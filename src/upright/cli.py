@@ -618,6 +618,7 @@ def _task(options: argparse.Namespace) -> dict[str, Any]:
 
 def table(options: argparse.Namespace) -> int:
     """Carry out `upright table` and `upright matlab table`."""
+    from upright import matlab
     from upright.errors import require_one_of
     from upright.files import check_output
     from upright.progress import study_with_progress
@@ -635,6 +636,9 @@ def table(options: argparse.Namespace) -> int:
     ]
     if options.output:
         check_output(options.output)
+    if options.language == "MATLAB":
+        matlab.check_seed(options.seed)
+        matlab.find_program()
     with Store(options.store) as store, _telling_what_is_kept(options.store):
         study_with_progress(cases, options.runs, options.seed, store)
         rows = summarise_all(cases, options.runs, options.seed, store)

@@ -94,6 +94,11 @@ def find_program() -> str:
     )
 
 
+def check_seed(seed: int) -> None:
+    """Raise UprightError unless the twin has a stream of random numbers for this seed."""
+    require("seed of MATLAB's random numbers", seed, 0, MOST_SEEDS, whole=True)
+
+
 def make_runs(jobs: Iterable[Wanted]) -> Generator[tuple[Wanted, Result], None, None]:
     """Make runs, a process for every core, and yield each as it ends.
 
@@ -106,7 +111,7 @@ def make_runs(jobs: Iterable[Wanted]) -> Generator[tuple[Wanted, Result], None, 
     """
     jobs = list(jobs)
     for job in jobs:
-        require("seed of the MATLAB twin", job.seed, 0, MOST_SEEDS, whole=True)
+        check_seed(job.seed)
     program = find_program() if jobs else ""
     ended: SimpleQueue[tuple[Wanted, Result] | Exception | None] = SimpleQueue()
     processes: list[subprocess.Popen[str]] = []

@@ -172,7 +172,7 @@ def twister_numbers(seed: int, run: int) -> np.random.Generator:
     UprightError
         If MATLAB has no such stream.
     """
-    require("seed of the Mersenne Twister", seed, 0, matlab.MOST_SEEDS, whole=True)
+    matlab.check_seed(seed)
     seeded: Any = np.random.RandomState(10**6 * seed + run + 1).get_state(legacy=False)
     twister = np.random.MT19937()
     twister.state = seeded
@@ -213,7 +213,7 @@ def make_run(
     run: int,
     lengths: np.ndarray | None = None,
     stop: np.ndarray | None = None,
-    numbers: Callable[[int, int], np.random.Generator] = random_numbers,
+    numbers: Callable[[int, int], np.random.Generator] | None = None,
 ) -> tuple[Any, Result | None]:
     """Let a new agent learn.
 
@@ -225,7 +225,8 @@ def make_run(
     stop
         Set its one element, a bool, to end the run before its next trial.
     numbers
-        Where a run's random numbers come from: `random_numbers`, or `twister_numbers`.
+        Where a run's random numbers come from: `twister_numbers`, or unless given
+        `random_numbers`.
 
     Returns
     -------
@@ -238,7 +239,7 @@ def make_run(
         If an agent from outside lacks a method or cannot be compiled, or a learner from outside
         ends before its run.
     """
-    rng = numbers(seed, run)
+    rng = (numbers or random_numbers)(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop

@@ -12,7 +12,7 @@ from upright.drawing import Window, write_video
 from upright.play import Played, pictures, play
 from upright.policy import Policy
 from upright.store import Result
-from upright.study import Case, make_run, random_numbers, twister_numbers
+from upright.study import Case, make_run, twister_numbers
 
 BAR = 40
 """Width of the longest bar [characters]."""
@@ -47,7 +47,7 @@ def watch_run(
     lengths, stop = np.zeros(case.trials, np.int64), np.zeros(1, np.bool_)
     shown = 0
     thread = ThreadPoolExecutor(1)
-    numbers = twister_numbers if twister else random_numbers
+    numbers = twister_numbers if twister else None
     future = thread.submit(make_run, case, seed, run, lengths, stop, numbers)
     try:
         while not wait([future], POLL).done:
