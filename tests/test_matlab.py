@@ -236,26 +236,25 @@ def test_what_was_learned_in_python_answers_alike_in_octave(agent, tmp_path):
 @octave_is_used
 @pytest.mark.parametrize("agent", ["q-learning", "reinforce"])
 def test_a_policy_learned_in_one_language_balances_in_the_other(agent, tmp_path):
-    case = make_case(agent, noise="gaussian-0.1")
-    memory, _ = make_run(case, 0, 0, numbers=twister_numbers)
-    export_policy(tmp_path / "python.json", learned_policy(case, 0, 0, memory))
+    case = make_case(agent, steps=5000)
+    memory, _ = make_run(case, 3, 0, numbers=twister_numbers)
+    export_policy(tmp_path / "python.json", learned_policy(case, 3, 0, memory))
     fallen = octave_numbers(
-        f"r = upright.run_trials('{agent}', 'noise', 'gaussian-0.1', 'runs', 1);"
+        f"r = upright.run_trials('{agent}', 'steps', 5000, 'runs', 1, 'seed', 3);"
         f"upright.export_policy(r.policy, '{tmp_path / 'octave.json'}');"
-        f"t = upright.simulate(upright.import_policy('{tmp_path / 'python.json'}'),"
-        "'noise', 'gaussian-0.1', 'steps', 5000);",
+        f"t = upright.simulate(upright.import_policy('{tmp_path / 'python.json'}'), 'steps', 3000);",
         "t.fallen",
     )
     assert not fallen
-    theirs = load_policy(tmp_path / "octave.json")
+    theirs, ours = (load_policy(tmp_path / f"{name}.json") for name in ("octave", "python"))
     assert theirs.agent == agent
-    assert theirs.task["noise"] == "gaussian-0.1"
-    (played,) = play(theirs, case_for(theirs, steps=60_000), 1, seed=5)
-    assert played.balanced
-    ours = load_policy(tmp_path / "python.json")  # the same run, so the same policy
+    assert theirs.task["steps"] == 5000
+    played = list(play(theirs, case_for(theirs, steps=3000), 3, seed=5))
+    assert any(trial.balanced for trial in played)
+    # It is the same run, so the same policy.
+    assert played == list(play(ours, case_for(ours, steps=3000), 3, seed=5))
     for row in np.random.default_rng(3).uniform(-1, 1, (300, 4)) * (2.4, 2, 0.2, 2):
-        found = theirs.push_probability(State(*row)), ours.push_probability(State(*row))
-        assert abs(found[0] - found[1]) < 1e-6
+        assert abs(theirs.push_probability(row) - ours.push_probability(row)) < 1e-6
 
 
 # ----------------------------------------------------------------------- upright matlab table
