@@ -16,7 +16,7 @@ function result = animate(agent, varargin)
 %                   'picture%05d.png'    a file for each picture, numbered from 1
 %                   a folder             the same, named frame-00001.png ...
 %                   'learning.png'       the last picture alone
-%     'frames'    stop after so many pictures (default: 250 in a file, 25 a second; Inf in a window)
+%     'frames'    stop after so many pictures (default: 200 in a file, 8 seconds; Inf in a window)
 %
 %   There are 25 pictures a second, whatever the speed, or one for each step where these take
 %   longer. A window shows fewer where drawing is slow. A fall is never left out for the next step.
@@ -72,8 +72,11 @@ function [own, passed] = own_options(pairs)
         limit = 1e9;
     else
         own.file = check_file(own.file);
-        most = 250;
-        limit = 1000;                                  % an animation is held in memory: 3 GB
+        most = 200;
+        limit = 1e6;
+        if strcmp(own.file(end - 3:end), '.gif')
+            limit = 1000;                              % held in memory, in Octave 4 MB each
+        end
     end
     if isempty(own.frames)
         own.frames = most;
@@ -89,7 +92,8 @@ function file = check_file(file)
     upright.internal.check_output('file', file, {'.gif', '.png'});
     [~, name, ending] = fileparts(file);
     numbered = any(file == '%');
-    if numbered && (~strcmp(ending, '.png') || isempty(regexp(name, '^[^%]*%\d*d[^%]*$', 'once')) ...
+    form = '^[^%]*%\d*d[^%]*$';
+    if numbered && (~strcmp(ending, '.png') || isempty(regexp(name, form, 'once')) ...
             || sum(file == '%') > 1)
         error('upright:badValue', ['file is %s; it may have one percent sign, in the name of a ' ...
             '.png, as frame-%%05d.png'], upright.internal.shown(file));

@@ -41,8 +41,8 @@ function require_display()
         seen = seen && ~isequal(get(0, 'ScreenSize'), [1 1 1 1]);    % as with -nodisplay
     end
     if ~seen
-        error('upright:noDisplay', ['there is no display for a window; give the option ''file'', ' ...
-            'or on Linux start `xvfb-run -a octave`']);
+        error('upright:noDisplay', ['there is no display for a window; give the option ' ...
+            '''file'', or on Linux start `xvfb-run -a octave`']);
     end
 end
 
@@ -65,8 +65,8 @@ function kit = toolkit_for(shown)
         error('upright:noDisplay', ['this Octave opens no windows that know keys; give the ' ...
             'option ''file'', or start `octave` and not `octave-cli`']);
     end
-    error('upright:noDisplay', ['this Octave draws neither on a display nor by gnuplot; install ' ...
-        'gnuplot, or on Linux start `xvfb-run -a octave`']);
+    error('upright:noDisplay', ['this Octave draws neither on a display nor by gnuplot; ' ...
+        'install gnuplot, or on Linux start `xvfb-run -a octave`']);
 end
 
 function restore_toolkit(name, warnings)

@@ -31,7 +31,13 @@ function pixels = printed(window)
     tidy = onCleanup(@() delete(file));
     place = get(window, 'Position');
     print(window, '-dpng', sprintf('-S%d,%d', place(3), place(4)), file);
-    pixels = imread(file);
+    [pixels, map] = imread(file);
+    if ~isempty(map)
+        pixels = ind2rgb(pixels, map);
+    end
+    if ~isa(pixels, 'uint8')                           % pure colours are read as logical
+        pixels = uint8(255 * double(pixels));
+    end
     if size(pixels, 3) == 1
         pixels = repmat(pixels, [1 1 3]);
     end
