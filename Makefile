@@ -6,10 +6,12 @@ BIN := .venv/bin
 RUNS ?= 20
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test test-sb3 lint benchmark clean
+.PHONY: help reproduce test test-matlab test-sb3 octave lint benchmark clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
+	@echo "make octave      install GNU Octave for the MATLAB twin (Debian, Ubuntu)"
+	@echo "make test-matlab the tests of the MATLAB twin alone"
 	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
 	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
 	@echo "make clean       remove the environment and everything made"
@@ -31,9 +33,16 @@ lint: .venv/developed
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/mh_lint --brief matlab benchmarks
 
 test: lint
 	$(BIN)/pytest
+
+octave:
+	matlab/install-octave.sh --window
+
+test-matlab: .venv/developed
+	UPRIGHT_REQUIRE_OCTAVE=1 $(BIN)/pytest -m octave
 
 test-sb3: .venv/developed
 	$(INSTALL) stable-baselines3
@@ -42,6 +51,7 @@ test-sb3: .venv/developed
 benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md
 	$(BIN)/python benchmarks/environments.py --output docs/environment.md
+	$(BIN)/python benchmarks/matlab.py --output docs/matlab.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

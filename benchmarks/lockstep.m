@@ -1,16 +1,16 @@
-function lockstep(count, steps)
-%LOCKSTEP  How fast Q-learning runs in lockstep; prints what benchmarks/matlab.py reads.
-%   lockstep(count, steps) makes so many runs, noise-free, and prints: learner-steps a second while at
-%   least nine tenths of the runs advance together; the same of the whole study, whose last runs
-%   advance nearly alone; and the study's seconds.
+function lockstep(make, agent, count, steps)
+%LOCKSTEP  How fast runs advance in lockstep; prints what benchmarks/matlab.py reads.
+%   lockstep(make, agent, count, steps) makes so many runs, noise-free, and prints: learner-steps a
+%   second while at least nine tenths of the runs advance together; the same of the whole study, whose
+%   last runs advance nearly alone; and the study's seconds.
 %
 %   Example:
-%     addpath matlab benchmarks; lockstep(1000, 60000)
+%     addpath matlab benchmarks; lockstep(@upright.internal.q_learners, 'q-learning', 1000, 60000)
     options = upright.internal.task_options();
     options.steps = steps;
     task = upright.internal.make_task(options);
     random = upright.internal.random_streams(upright.internal.stream_number(0, 1:count));
-    learners = upright.internal.q_learners(upright.settings('q-learning'), count, random);
+    learners = make(upright.settings(agent), count, random);
     learn_as_it_is = learners.learn;
     learners.learn = @learn_and_count;
     together = 0;                                      % learner-steps while they advance together

@@ -11,10 +11,7 @@ function export_policy(policy, file)
 %     upright.export_policy(result.policy, 'policy.json');
 %
 %   See also upright.import_policy, upright.simulate.
-    if ~ischar(file) || ~endsWith(file, '.json')
-        error('upright:badValue', 'file is %s; it must be a name that ends in .json', ...
-            upright.internal.shown(file));
-    end
+    upright.internal.check_output('file', file, {'.json'});
     upright.internal.check_policy(policy);
     if ~isfield(policy, 'agent') || ~isfield(policy, 'task')
         error('upright:badPolicy', ...
@@ -35,7 +32,16 @@ function export_policy(policy, file)
             entries.layers{k}.weights = num2cell(entries.layers{k}.weights, 2)';
         end
     end
-    upright.internal.write_file(file, [upright.internal.to_json(entries) sprintf('\n')]);
+    text = [upright.internal.to_json(entries) sprintf('\n')];
+    upright.internal.write_whole(file, @(part) write_text(part, text));
+end
+
+function write_text(file, text)
+    handle = fopen(file, 'w');
+    written = fwrite(handle, text);
+    if fclose(handle) ~= 0 || written ~= numel(text)
+        error('upright:cannotWrite', 'the disk is full, or gone');
+    end
 end
 
 %!test  # both forms come back as they were, but for the last bit of a number
@@ -50,5 +56,5 @@ end
 %!   assert (back.task, result.policy.task);
 %! end
 %!error id=upright:badValue upright.export_policy (struct (), 'policy.txt')
-%!error id=upright:badPolicy upright.export_policy (struct (), 'policy.json')
-%!error <cannot be written> upright.internal.write_file (fullfile (tempname (), 'x', 'policy.json'), 'x')
+%!error id=upright:badPolicy upright.export_policy (struct (), fullfile (tempdir (), 'policy.json'))
+%!error id=upright:cannotWrite upright.export_policy (struct (), fullfile ('no', 'such', 'policy.json'))

@@ -61,7 +61,7 @@ end
 
 %!function refused (text, words)
 %!  file = [tempname() '.json'];
-%!  upright.internal.write_file (file, text);
+%!  handle = fopen (file, 'w'); fputs (handle, text); fclose (handle);
 %!  fail (sprintf ("upright.import_policy ('%s')", file), words);
 %!  delete (file);
 %!endfunction

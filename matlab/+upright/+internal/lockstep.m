@@ -8,6 +8,8 @@ function lockstep(learners, task, random, count, on_end)
 %                 learn(runs, right, observation, fallen)    after each step
 %                 end_trial(runs)                            after falls
 %                 policy(run)                                what was learned
+%                 forget()                                   at the end: Octave keeps the memory of
+%                                                            nested functions for ever
 %               and patience: how many steps a fallen run waits for others to fall, so that more
 %               of them learn at once.
 %     task      from upright.internal.make_task
@@ -32,6 +34,10 @@ function lockstep(learners, task, random, count, on_end)
     learn = learners.learn;
     draw = @draw_for_running;
     patience = learners.patience;
+    goal = task.steps;
+    push = 2 * p.force;
+    quiet = isequal(task.noise, upright.noise_case('none'));   % calls that do nothing cost time
+
 
     while ~isempty(running) || ~isempty(resting)
         if isempty(running) || (waited >= patience && ~isempty(resting))
@@ -39,18 +45,24 @@ function lockstep(learners, task, random, count, on_end)
             continue                                   % as all of them may have failed for good
         end
         right = act(running, observation);
-        force = upright.disturb(task.noise, p.force * (2 * right - 1), draw);
-        state = upright.step(p, state, force);
+        force = push * (right - 0.5);
+        if quiet
+            state = upright.step(p, state, force);
+            observation = state;
+        else
+            state = upright.step(p, state, upright.disturb(task.noise, force, draw));
+            observation = upright.measure(task.noise, state, draw);
+        end
         fallen = upright.has_fallen(p, state);
-        observation = upright.measure(task.noise, state, draw);
         learn(running, right, observation, fallen);
         steps = steps + 1;
-        over = fallen | steps >= task.steps;
+        over = fallen | steps >= goal;
         waited = waited + 1;
         if any(over)
             end_trials(over, fallen);
         end
     end
+    learners.forget();
 
     function begin_trials()
         fell = resting(ended(resting) > 0);

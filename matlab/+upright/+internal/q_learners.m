@@ -19,7 +19,8 @@ function learners = q_learners(s, count, random)
     moved = zeros(count, 1);                           % how many moves there were
 
     learners = struct('begin_trial', @begin_trial, 'act', @act, 'learn', @learn, ...
-        'end_trial', @end_trial, 'policy', @policy, 'patience', 1000 * (s.passes > 0));
+        'end_trial', @end_trial, 'policy', @policy, 'forget', @forget, ...
+        'patience', 500 * (s.passes > 0));
 
     function begin_trial(runs, observation)
         box(runs) = upright.internal.find_box(boxes, observation);
@@ -60,6 +61,12 @@ function learners = q_learners(s, count, random)
 
     function made = policy(run)
         made = upright.internal.table_policy(s, table(1:entries, run)');
+    end
+
+    function forget()
+        table = [];
+        move_places = [];
+        move_boxes = [];
     end
 
     function value = one_step_value(next, offset)

@@ -11,7 +11,7 @@ function learners = random_searchers(s, count, random)
     weights = zeros(count, 4);
 
     learners = struct('begin_trial', @begin_trial, 'act', @act, 'learn', @(varargin) [], ...
-        'end_trial', @(runs) [], 'policy', @policy, 'patience', 0);
+        'end_trial', @(runs) [], 'policy', @policy, 'forget', @() [], 'patience', 0);
 
     function begin_trial(runs, ~)
         weights(runs, :) = (2 * random(runs, 4) - 1) ./ scales;

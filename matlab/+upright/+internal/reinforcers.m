@@ -22,7 +22,7 @@ function learners = reinforcers(s, count, random)
     layer_3 = [];
 
     learners = struct('begin_trial', @begin_trial, 'act', @act, 'learn', @learn, ...
-        'end_trial', @end_trial, 'policy', @policy, 'patience', 0);
+        'end_trial', @end_trial, 'policy', @policy, 'forget', @forget, 'patience', 0);
 
     function begin_trial(runs, ~)
         steps(runs) = 0;
@@ -72,6 +72,13 @@ function learners = reinforcers(s, count, random)
 
     function made = policy(run)
         made = upright.internal.reinforce_policy(s, memories{run}.weights);
+    end
+
+    function forget()
+        memories = {};
+        inputs = [];
+        pushes = [];
+        probabilities = [];
     end
 
     function gather_weights(runs)

@@ -1,0 +1,130 @@
+"""How fast is the MATLAB twin in GNU Octave? Beside it stand its compiled C and the package.
+
+All make runs of Q-learning, noise-free, with the same random numbers, and so the same trials, which
+is checked. The M code runs in lockstep; its rate is also given for the time when at least nine
+tenths of the runs advance together, as the last runs of a study advance nearly alone.
+"""
+
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from speed import machine, make_parser, put
+
+from upright.matlab import find_program, folder
+from upright.study import make_case, make_run, twister_numbers
+
+BENCHMARKS = Path(__file__).parent
+
+
+class Line(NamedTuple):
+    """What was measured of one contender."""
+
+    name: str
+    steps: float
+    """Learner-steps made."""
+    seconds: float
+    together: float | None = None
+    """Learner-steps a second while most runs advance together."""
+
+
+def octave(statements: str) -> list[float]:
+    """Return the numbers in the last line that Octave prints."""
+    paths = f"addpath('{folder()}'); addpath('{BENCHMARKS}');"
+    command = [find_program(), "--norc", "--quiet", "--eval", paths + statements]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(done.stderr or done.stdout)
+    return list(map(float, done.stdout.splitlines()[-1].split()))
+
+
+def readable(trials: int) -> Line:
+    """Time the learner for reading, which makes one run step by step."""
+    steps, seconds = octave(
+        f"began = tic(); r = upright.q_learning('trials', {trials}, 'steps', 5000);"
+        "printf('%g ', sum(r.lengths), toc(began));"
+    )
+    return Line("M code, one run, for reading (`upright.q_learning`)", steps, seconds)
+
+
+def in_lockstep(agent: str, runs: int, steps: int) -> Line:
+    """Time M code that makes many runs at once."""
+    make = {"q-learning": "q_learners", "random-search": "random_searchers"}[agent]
+    together, rate, seconds = octave(
+        f"lockstep(@upright.internal.{make}, '{agent}', {runs}, {steps})"
+    )
+    return Line(f"M code, {agent}, {runs:,} runs in lockstep", rate * seconds, seconds, together)
+
+
+def in_compiled_c(runs: int, steps: int, expected: list[int]) -> Line:
+    """Time the compiled C, built for this alone."""
+    with tempfile.TemporaryDirectory() as place:
+        seconds, *lengths = octave(
+            f"evalc('upright.build_mex(''{place}'')'); addpath('{place}');"
+            "p = upright.parameters(); n = upright.noise_case('none');"
+            "s = upright.settings('q-learning'); all = []; began = tic();"
+            f"for k = 1:{runs}, all = [all, q_learning_mex(p, n, 0.05 * [1 1 1 1], s, k, {steps},"
+            "1000)]; end; printf('%g ', toc(began), all);"
+        )
+    if lengths != expected:
+        raise SystemExit("the compiled C made other trials than the package")
+    return Line(f"compiled C, {runs:,} runs, called from Octave", sum(lengths), seconds)
+
+
+def in_python(runs: int, steps: int) -> tuple[Line, list[int]]:
+    """Time the package, and return the lengths of all trials."""
+    case = make_case("q-learning", steps=steps)
+    make_run(case, 0, 0)  # compiles
+    began = time.perf_counter()
+    results = [make_run(case, 0, run, numbers=twister_numbers)[1] for run in range(runs)]
+    seconds = time.perf_counter() - began
+    lengths = np.concatenate([result.lengths for result in results if result])
+    line = Line(f"Python with Numba, {runs:,} runs, one core", lengths.sum(), seconds)
+    return line, lengths.tolist()
+
+
+def version() -> str:
+    """Return the name and version of what runs the twin."""
+    command = [find_program(), "--version"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.splitlines()[0]
+
+
+def table(lines: list[Line]) -> str:
+    """Return the measurements as a table in Markdown."""
+    rows = ["| | million steps a second | while together | seconds |", "|---|---|---|---|"]
+    for line in lines:
+        together = f"{line.together / 1e6:.2f}" if line.together else "–"
+        rate = line.steps / line.seconds / 1e6
+        rows.append(f"| {line.name} | {rate:.3g} | {together} | {line.seconds:.3g} |")
+    return "\n".join(rows) + "\n"
+
+
+def main() -> None:
+    """Measure, and write the table."""
+    parser = make_parser(__doc__, "docs/matlab.md")
+    parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
+    parser.add_argument("--runs", type=int, default=100, help="of the smaller study (default 100)")
+    arguments = parser.parse_args()
+    runs, steps = arguments.runs, arguments.steps
+    ours, expected = in_python(runs, steps)
+    lines = [
+        readable(10),
+        in_lockstep("q-learning", runs, steps),
+        in_lockstep("q-learning", 10 * runs, steps),
+        in_lockstep("random-search", 10 * runs, steps),
+        in_compiled_c(runs, steps, expected),
+        ours,
+    ]
+    text = (
+        f"{table(lines)}\nNoise-free, default settings, N = {steps:,}, learning included; "
+        "Q-learning unless said otherwise. “While together”: while at least nine tenths of the "
+        f"runs advance.\n{machine()}, {version()}.\n"
+    )
+    put(text, arguments.output)
+
+
+if __name__ == "__main__":
+    main()
