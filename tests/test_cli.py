@@ -155,6 +155,13 @@ def test_learn_saves_curve_and_policy_that_plot_draws(folder, capsys):
     capsys.readouterr()
 
 
+def test_learn_saves_json_where_the_name_says_so(folder, capsys):
+    assert run("learn q-learning --steps 300 --quiet --save policy.json".split()) == 0
+    assert json.loads((folder / "policy.json").read_text())["form"] == "table"
+    assert run("play policy.json --steps 5".split()) == 0
+    capsys.readouterr()
+
+
 def test_play_tells_by_its_status_whether_it_fell(folder, capsys):
     assert run(["play", "poor.npz", "--episodes", "3"]) == FAILED
     shown = capsys.readouterr().out.splitlines()

@@ -413,3 +413,9 @@ def test_compiled_runs_are_those_of_the_m_code(tmp_path):
         "assert(isequal(a(k).policy, b(k).policy)); end; disp('alike')"
     )
     assert printed.splitlines()[-1] == "alike"
+    source = twin / "mex" / "noise.h"
+    os.utime(source, (time.time() + 9,) * 2)
+    printed = octave(
+        f"rmpath('{MATLAB}'); addpath('{twin}'); disp(isempty(upright.internal.built_mex()))"
+    )
+    assert printed.split() == ["1"]

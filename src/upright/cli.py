@@ -215,7 +215,7 @@ examples:
         help="draw the random numbers of the MATLAB twin, whose run K + 1 has the same trials",
     )
     parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
-    parser.add_argument("--save", metavar="FILE", help="save the policy, as FILE.npz")
+    parser.add_argument("--save", metavar="FILE", help="save the policy: FILE.npz, or FILE.json")
     parser.add_argument("--quiet", action="store_true", help="print only how it ended")
     parser.set_defaults(command=learn)
 
@@ -558,10 +558,14 @@ def learn(options: argparse.Namespace) -> int:
         save(plot_curve(result.lengths, case.steps, title), options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
+        from upright.export import export_policy
         from upright.policy import learned_policy, save_policy
 
         policy = learned_policy(case, options.seed, options.run, memory)
-        save_policy(options.save, policy, case.settings)
+        if options.save.endswith(".json"):
+            export_policy(options.save, policy)
+        else:
+            save_policy(options.save, policy, case.settings)
         print(f"policy: {options.save}")
     return 0 if result.success else FAILED
 
