@@ -156,9 +156,9 @@ def test_learn_saves_curve_and_policy_that_plot_draws(folder, capsys):
 
 
 def test_learn_saves_json_where_the_name_says_so(folder, capsys):
-    assert run("learn q-learning --steps 300 --quiet --save policy.json".split()) == 0
+    assert run(["learn", "q-learning", "--steps", "300", "--quiet", "--save", "policy.json"]) == 0
     assert json.loads((folder / "policy.json").read_text())["form"] == "table"
-    assert run("play policy.json --steps 5".split()) == 0
+    assert run(["play", "policy.json", "--steps", "5"]) == 0
     capsys.readouterr()
 
 
