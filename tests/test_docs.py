@@ -42,3 +42,17 @@ def test_the_recorded_study_meets_its_targets(rows):
         if row.settings == "default" and row.agent in limits:
             assert row.runs == row.successes == 100
             assert row.mean_trials <= limits[row.agent]
+
+
+def test_the_matlab_page_quotes_its_recorded_study():
+    page = (ROOT / "docs/matlab.md").read_text()
+    recorded = (ROOT / "docs/results/matlab.md").read_text()
+    rows = re.findall(
+        r"^\| (\S+) \(MATLAB\) \| default \| (\S+) \| (.*?) \| (.*?) \|", recorded, re.M
+    )
+    assert len(rows) == 3 * 7
+    for agent, noise, success, mean in rows:
+        line = re.search(rf"^\| {re.escape(noise)} \|.*$", page, re.MULTILINE)
+        assert line, noise
+        assert mean in line[0], (agent, noise)
+        assert success.startswith("100 %")

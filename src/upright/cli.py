@@ -525,7 +525,7 @@ another program. Q-learning is some hundred times as fast once upright.build_mex
         """\
 example, in MATLAB or Octave:
   addpath FOLDER
-  help upright
+  help upright.Contents
 """,
     )
     parser.set_defaults(command=matlab_path)
