@@ -296,6 +296,13 @@ def test_only_runs_that_are_missing_are_made(tmp_path):
     assert "random-search (MATLAB)" in render([row], "markdown")
 
 
+def wait_for(condition, seconds=120):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, "waited in vain"
+        time.sleep(0.1)
+
+
 def processes_with(text: str) -> list[int]:
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -317,19 +324,31 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     command += ["--agents", "random-search", "--noises", "none,gaussian-0.2", "--runs", "100"]
     command += ["--steps", "20000", "--seed", "4077", "--store", str(store)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        until = time.monotonic() + 120
-        while time.monotonic() < until and not (store.exists() and stored(store)):
-            time.sleep(0.2)
+        wait_for(lambda: store.exists() and stored(store))
         assert processes_with(", 4077, [")
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=30) == 130
         said = process.stderr.read()
     assert f"finished runs are kept in {store}" in said
     assert sum(len(results) for _, _, results in stored(store)) > 0
-    until = time.monotonic() + 10
-    while processes_with(", 4077, [") and time.monotonic() < until:
-        time.sleep(0.1)
-    assert not processes_with(", 4077, [")
+    wait_for(lambda: not processes_with(", 4077, ["), seconds=10)
+
+
+@octave_is_used
+@pytest.mark.skipif(
+    not Path("/proc/self/cmdline").exists(), reason="there is no /proc to look into"
+)
+def test_a_killed_study_leaves_no_process_for_long(tmp_path):
+    store = tmp_path / "runs.sqlite"
+    command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
+    command += ["--agents", "random-search", "--noises", "none", "--runs", "500", "--steps"]
+    command += ["5000", "--seed", "4078", "--store", str(store)]
+    with subprocess.Popen(command) as process:
+        wait_for(lambda: store.exists() and stored(store))
+        process.kill()
+    assert processes_with(", 4078, [")
+    wait_for(lambda: not processes_with(", 4078, ["))
+    assert 0 < sum(len(results) for _, _, results in stored(store)) < 500
 
 
 def fake_program(folder: Path, monkeypatch, script: str) -> None:
