@@ -314,41 +314,41 @@ def processes_with(text: str) -> list[int]:
     return found
 
 
+def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
+    """Begin a study in a process of its own, and return that once a run has ended."""
+    command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
+    command += ["--agents", "random-search", "--noises", "none,gaussian-0.2", "--runs", "300"]
+    command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: store.exists() and stored(store))
+    assert processes_with(f", {seed}, [")
+    return process
+
+
+has_processes = pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="no /proc here")
+
+
 @octave_is_used
-@pytest.mark.skipif(
-    not Path("/proc/self/cmdline").exists(), reason="there is no /proc to look into"
-)
+@has_processes
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     store = tmp_path / "runs.sqlite"
-    command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
-    command += ["--agents", "random-search", "--noises", "none,gaussian-0.2", "--runs", "100"]
-    command += ["--steps", "20000", "--seed", "4077", "--store", str(store)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        wait_for(lambda: store.exists() and stored(store))
-        assert processes_with(", 4077, [")
+    with table_of_guesses(store, 4077) as process:
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=30) == 130
         said = process.stderr.read()
     assert f"finished runs are kept in {store}" in said
-    assert sum(len(results) for _, _, results in stored(store)) > 0
+    assert 0 < sum(len(results) for _, _, results in stored(store)) < 600
     wait_for(lambda: not processes_with(", 4077, ["), seconds=10)
 
 
 @octave_is_used
-@pytest.mark.skipif(
-    not Path("/proc/self/cmdline").exists(), reason="there is no /proc to look into"
-)
+@has_processes
 def test_a_killed_study_leaves_no_process_for_long(tmp_path):
     store = tmp_path / "runs.sqlite"
-    command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
-    command += ["--agents", "random-search", "--noises", "none", "--runs", "500", "--steps"]
-    command += ["5000", "--seed", "4078", "--store", str(store)]
-    with subprocess.Popen(command) as process:
-        wait_for(lambda: store.exists() and stored(store))
+    with table_of_guesses(store, 4078) as process:
         process.kill()
-    assert processes_with(", 4078, [")
     wait_for(lambda: not processes_with(", 4078, ["))
-    assert 0 < sum(len(results) for _, _, results in stored(store)) < 500
+    assert 0 < sum(len(results) for _, _, results in stored(store)) < 600
 
 
 def fake_program(folder: Path, monkeypatch, script: str) -> None:

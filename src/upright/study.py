@@ -306,9 +306,7 @@ def study(
         If interrupted; the runs that had ended are in the store.
     """
     check_study(runs, seed)
-    missing = {
-        case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in list(cases)
-    }
+    missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
     twins = {case.wanted(seed, missing[case]): case for case in missing if case not in ours}
 
