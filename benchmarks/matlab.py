@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from speed import machine, make_parser, put
 
-from upright.matlab import find_program, folder
+from upright.matlab import command, find_program
 from upright.study import make_case, make_run, twister_numbers
 
 BENCHMARKS = Path(__file__).parent
@@ -33,9 +33,8 @@ class Line(NamedTuple):
 
 def octave(statements: str) -> list[float]:
     """Return the numbers in the last line that Octave prints."""
-    paths = f"addpath('{folder()}'); addpath('{BENCHMARKS}');"
-    command = [find_program(), "--norc", "--quiet", "--eval", paths + statements]
-    done = subprocess.run(command, capture_output=True, text=True)
+    statements = f"addpath('{BENCHMARKS}'); {statements}"
+    done = subprocess.run(command(find_program(), statements), capture_output=True, text=True)
     if done.returncode != 0:
         raise SystemExit(done.stderr or done.stdout)
     return list(map(float, done.stdout.splitlines()[-1].split()))
@@ -88,8 +87,8 @@ def in_python(runs: int, steps: int) -> tuple[Line, list[int]]:
 
 def version() -> str:
     """Return the name and version of what runs the twin."""
-    command = [find_program(), "--version"]
-    return subprocess.run(command, capture_output=True, text=True).stdout.splitlines()[0]
+    asked = [find_program(), "--version"]
+    return subprocess.run(asked, capture_output=True, text=True).stdout.splitlines()[0]
 
 
 def table(lines: list[Line]) -> str:

@@ -86,6 +86,16 @@ class LinearAgent:
         self.ends.append(fallen)
 
 
+LEARNED_ON = {
+    "noise": "none",
+    "start": "random",
+    "steps": 2000,
+    "integrator": "euler",
+    "condition": "nominal",
+    "seed": 0,
+    "run": 0,
+}
+"""What a policy learned in tests says of its task."""
 GOOD_WEIGHTS = (1.0, 1.5, 20.0, 3.0)
 """A policy that balances for as long as anybody looks."""
 POOR_WEIGHTS = (0.0, 0.0, 1.0, 0.0)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from helpers import LEARNED_ON
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -38,16 +39,7 @@ from upright.study import make_case, make_run
 COUNT = 5_000
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
 """A task on which trials have all kinds of lengths."""
-TASK = {
-    "noise": "none",
-    "start": "random",
-    "steps": 2000,
-    "integrator": "euler",
-    "condition": "nominal",
-    "seed": 0,
-    "run": 0,
-}
-HEADER = {"format": JSON_FORMAT, "agent": "q-learning", "task": TASK}
+HEADER = {"format": JSON_FORMAT, "agent": "q-learning", "task": LEARNED_ON}
 TABLE = HEADER | {
     "form": "table",
     "edges": [[-0.8, 0.8], [], [0], [-0.5, 0.0, 0.5]],
@@ -168,7 +160,7 @@ def test_every_command_takes_it(saved, tmp_path, capsys):
 @pytest.mark.parametrize("entries", FORMS.values(), ids=FORMS)
 def test_the_least_that_is_needed(entries, path):
     policy = read(path, entries)
-    assert (policy.agent, policy.task) == ("q-learning", TASK)
+    assert (policy.agent, policy.task) == ("q-learning", LEARNED_ON)
     assert form_entries(policy.form) == {k: v for k, v in entries.items() if k not in HEADER}
 
 
@@ -275,7 +267,7 @@ def test_other_ways_to_write_the_text(path):
     for text in (json.dumps(TABLE, indent=4), "\n\t " + json.dumps(TABLE)):
         for encoding in ("utf-8", "utf-8-sig"):
             path.write_text(text, encoding)
-            assert load_policy(path).task == TASK
+            assert load_policy(path).task == LEARNED_ON
 
 
 def test_the_largest_forms_are_read(path):
@@ -547,13 +539,13 @@ class Told(NamedTuple):
 )
 def test_nothing_is_written_that_would_not_be_read(form, said, path):
     with pytest.raises(UprightError, match=said):
-        export_policy(path, Policy("mine:Agent", Told(form), TASK))
+        export_policy(path, Policy("mine:Agent", Told(form), LEARNED_ON))
     assert not path.exists()
 
 
 def test_an_entry_a_line_and_exact_numbers(path):
     edge, probability = np.float64(0.1) + 0.2, np.nextafter(1 / 3, 1)
     form = Table(((edge,), (), (), ()), (probability, np.float64(-0.0)))
-    export_policy(path, Policy("mine:Agent", Told(form), TASK))
+    export_policy(path, Policy("mine:Agent", Told(form), LEARNED_ON))
     assert all(line.startswith('  "') for line in path.read_text().splitlines()[1:-1])
     assert load_policy(path, "mine:Agent").form == form

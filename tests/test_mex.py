@@ -12,6 +12,7 @@ from octave import HAS_COMPILER, MATLAB
 from upright.agents.q_learning import SETTINGS
 from upright.cartpole import equations
 from upright.noise import NOISES
+from upright.study import twister
 from upright.task import make_task
 from upright.trials import compiled_run
 
@@ -37,13 +38,6 @@ def octave(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{' '.join(map(octave, value))}]"
     return repr(value).lower()
-
-
-def twister(number: int) -> np.random.Generator:
-    """Return NumPy's Mersenne Twister as C seeds it."""
-    bits = np.random.MT19937()
-    bits.state = np.random.RandomState(number).get_state(legacy=False)
-    return np.random.Generator(bits)
 
 
 @pytest.mark.octave

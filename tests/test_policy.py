@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import LEARNED_ON
 
 from upright.agents import AGENTS, named_settings
 from upright.agents.reinforce import MOST_KEPT, Reinforce
@@ -17,16 +18,6 @@ from upright.errors import UprightError
 from upright.plots import play
 from upright.policy import FORMAT, describe, learned_policy, load_policy, read_header, save_policy
 from upright.study import make_case, make_run
-
-TASK = {
-    "noise": "none",
-    "start": "random",
-    "steps": 2000,
-    "integrator": "euler",
-    "condition": "nominal",
-    "seed": 0,
-    "run": 0,
-}
 
 
 def learn(agent):
@@ -62,7 +53,7 @@ def test_a_policy_read_back_balances_alike(learned, tmp_path):
     case, policy = learned
     save_policy(tmp_path / "policy.npz", policy, case.settings)
     again = load_policy(tmp_path / "policy.npz")
-    assert again.task == policy.task == TASK
+    assert again.task == policy.task == LEARNED_ON
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
         assert again.push_probability(point) == policy.push_probability(State(*point))
     states = play(again, case.task())
@@ -92,7 +83,7 @@ def test_the_file_holds_its_contract(learned, tmp_path, capsys):
     assert "right (+F)" in header["action"]
     assert header["force [N]"] == Parameters().force
     assert header["time step [s]"] == Parameters().time_step
-    assert header["task"] == TASK
+    assert header["task"] == LEARNED_ON
     assert ("history" in header) == (case.agent == "adaptive-lqr")
     assert run(["show", str(tmp_path / "policy.npz")]) == 0
     assert describe(policy.contract()) in capsys.readouterr().out
@@ -127,7 +118,7 @@ def test_a_file_without_the_newer_parts_of_the_contract_is_read(path):
             header.pop(name)
 
     change_header(forget)(path)
-    assert load_policy(path).task == TASK
+    assert load_policy(path).task == LEARNED_ON
 
 
 # ------------------------------------------------------------------------------ bad files
@@ -455,6 +446,6 @@ def test_objects_are_refused_even_of_an_agent_that_has_them(trap):
 
 
 def test_an_agent_may_be_named_that_needs_no_naming(path):
-    assert load_policy(path, agent="random-search").task == TASK
+    assert load_policy(path, agent="random-search").task == LEARNED_ON
     with pytest.raises(UprightError, match="learned by 'random-search', not by 'reinforce'"):
         load_policy(path, agent="reinforce")

@@ -9,9 +9,7 @@ function fallen = has_fallen(p, state)
 %
 %   See also upright.parameters, upright.step.
     if size(state, 2) ~= 4
-        error('upright:badState', ...
-            'state is %s of size %s; it must be numbers of size n-by-4: x, x_dot, theta, theta_dot', ...
-            class(state), mat2str(size(state)));
+        upright.internal.refuse_state('state', state);
     end
     fallen = ~(abs(state(:, 1)) <= p.position_limit & abs(state(:, 3)) <= p.angle_limit);
 end

@@ -18,8 +18,7 @@ function [right, history] = push_probability(policy, observation, history)
         history = [];
     end
     if size(observation, 2) ~= 4
-        error('upright:badState', 'observation is of size %s; it must be n-by-4', ...
-            mat2str(size(observation)));
+        upright.internal.refuse_state('observation', observation);
     end
     if strcmp(policy.form, 'table')
         names = {'x_edges', 'x_dot_edges', 'theta_edges', 'theta_dot_edges'};

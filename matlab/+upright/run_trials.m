@@ -70,8 +70,9 @@ function results = run_trials(agent, varargin)
         described = chosen;
         described.run = runs(k);
         result = upright.internal.end_run(agent, described, success, lengths, policy);
-        result.seconds = toc(began) - told;        % together: of all runs
-        told = toc(began);
+        now = toc(began);
+        result.seconds = now - told;                   % together: of all runs
+        told = now;
         results{k} = result;
         chosen.on_run(result);
     end
@@ -89,10 +90,10 @@ function numbers = run_numbers(chosen)
 end
 
 function yes = uses_mex(agent, wanted)
-    built = ~isempty(upright.internal.built_mex());
+    built = strcmp(agent, 'q-learning') && ~isempty(upright.internal.built_mex());
     if ischar(wanted)
         upright.internal.require_one_of('mex', wanted, {'built'});
-        yes = built && strcmp(agent, 'q-learning');
+        yes = built;
         return
     end
     upright.internal.require('mex', wanted, 0, 1, 'whole');

@@ -10,7 +10,6 @@
 """
 
 import functools
-import hashlib
 import os
 import re
 import tempfile
@@ -22,6 +21,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import types
 from numba.extending import overload_method
+
+from upright.files import digest
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -36,10 +37,7 @@ def sources_hash(*names: str) -> str:
     *names
         Files relative to the package's folder; all of its ``.py`` files when none is named.
     """
-    digest = hashlib.sha256()
-    for path in [PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")):
-        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
+    return digest([PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")), PACKAGE)
 
 
 def _cache_folder() -> str:

@@ -1,12 +1,21 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, and telling whether some have changed."""
 
+import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from upright.errors import UprightError
+
+
+def digest(paths: Iterable[Path], folder: Path) -> str:
+    """Return a short digest of files: of their names within a folder, and of what is in them."""
+    whole = hashlib.sha256()
+    for path in paths:
+        whole.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return whole.hexdigest()[:12]
 
 
 def check_output(path: Path | str) -> Path:

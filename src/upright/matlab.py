@@ -5,7 +5,6 @@ random numbers (`study.twister_numbers`). Here it is a program that is started, 
 line for every run as it ends.
 """
 
-import hashlib
 import json
 import os
 import shutil
@@ -21,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.errors import UprightError, require
+from upright.files import digest
 from upright.store import Result
 
 PROGRAMS = ("matlab", "octave-cli", "octave")
@@ -46,7 +46,7 @@ class Wanted(NamedTuple):
     runs: tuple[int, ...]
     """Numbers of the runs, from 0; the twin counts them from 1."""
 
-    def command(self) -> str:
+    def statement(self) -> str:
         """Return the statement that makes them."""
         runs = " ".join(str(run + 1) for run in self.runs)
         texts = ", ".join(f"'{text}'" for text in self[:4])
@@ -64,12 +64,8 @@ def folder() -> Path:
 @cache
 def twin_version() -> str:
     """Return a digest of the twin's sources."""
-    digest = hashlib.sha256()
-    for path in sorted(folder().rglob("*")):
-        if path.suffix in (".m", ".c", ".h"):
-            name = path.relative_to(folder()).as_posix()
-            digest.update(name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
+    paths = sorted(folder().rglob("*"))
+    return digest((path for path in paths if path.suffix in (".m", ".c", ".h")), folder())
 
 
 def find_program() -> str:
@@ -92,6 +88,15 @@ def find_program() -> str:
         "(Debian, Ubuntu), dnf install octave (Fedora), brew install octave (macOS), or its "
         "installer for Windows"
     )
+
+
+def command(program: str, statements: str) -> list[str]:
+    """Return the command by which MATLAB or Octave carries out statements, the twin on its path."""
+    path = str(folder()).replace("'", "''")
+    statements = f"addpath('{path}'); {statements}"
+    if Path(program).stem.lower() == "matlab":
+        return [program, "-batch", statements]
+    return [program, "--norc", "--quiet", "--eval", statements]
 
 
 def check_seed(seed: int) -> None:
@@ -145,12 +150,8 @@ def make_runs(jobs: Iterable[Wanted]) -> Generator[tuple[Wanted, Result], None, 
 
 def _start(program: str, job: Wanted, processes: list["subprocess.Popen[str]"]) -> Iterator[str]:
     """Start a process that makes runs, and yield its lines; raise an error if it fails."""
-    path = str(folder()).replace("'", "''")
-    statement = f"addpath('{path}'); {job.command()}"
-    batch = Path(program).stem.lower() == "matlab"
-    options = ["-batch", statement] if batch else ["--norc", "--quiet", "--eval", statement]
     process = subprocess.Popen(
-        [program, *options],
+        command(program, job.statement()),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -161,11 +161,18 @@ def random_numbers(seed: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
 
 
+def twister(number: int) -> np.random.Generator:
+    """Return the Mersenne Twister (M. Matsumoto & T. Nishimura, 1998) with this 32-bit seed."""
+    seeded: Any = np.random.RandomState(number).get_state(legacy=False)
+    bits = np.random.MT19937()
+    bits.state = seeded
+    return np.random.Generator(bits)
+
+
 def twister_numbers(seed: int, run: int) -> np.random.Generator:
     """Return the stream that the MATLAB twin draws in its run of number `run + 1`.
 
-    It is what MATLAB's rand gives after rng(10⁶ seed + run + 1): M. Matsumoto & T. Nishimura's
-    Mersenne Twister.
+    It is what MATLAB's rand gives after rng(10⁶ seed + run + 1).
 
     Raises
     ------
@@ -173,10 +180,7 @@ def twister_numbers(seed: int, run: int) -> np.random.Generator:
         If MATLAB has no such stream.
     """
     matlab.check_seed(seed)
-    seeded: Any = np.random.RandomState(10**6 * seed + run + 1).get_state(legacy=False)
-    twister = np.random.MT19937()
-    twister.state = seeded
-    return np.random.Generator(twister)
+    return twister(10**6 * seed + run + 1)
 
 
 def make_run_task(case: Case, seed: int, run: int) -> Task:

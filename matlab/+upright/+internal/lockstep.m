@@ -38,7 +38,6 @@ function lockstep(learners, task, random, count, on_end)
     push = 2 * p.force;
     quiet = isequal(task.noise, upright.noise_case('none'));   % calls that do nothing cost time
 
-
     while ~isempty(running) || ~isempty(resting)
         if isempty(running) || (waited >= patience && ~isempty(resting))
             begin_trials();

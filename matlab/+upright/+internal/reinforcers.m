@@ -38,14 +38,12 @@ function learners = reinforcers(s, count, random)
         for k = 2:4
             hidden = hidden + input(:, k) .* layer_1{k};
         end
-        below = min(hidden, 0);
-        hidden = hidden ./ sqrt(1 + below .* below);
+        hidden = upright.internal.isrlu(hidden);
         hidden_2 = hidden(:, 1) .* layer_2{1};
         for k = 2:8
             hidden_2 = hidden_2 + hidden(:, k) .* layer_2{k};
         end
-        below = min(hidden_2, 0);
-        hidden_2 = hidden_2 ./ sqrt(1 + below .* below);
+        hidden_2 = upright.internal.isrlu(hidden_2);
         probability = 1 ./ (1 + exp(-s.gain * sum(hidden_2 .* layer_3, 2)));
         right = random(runs, 1) < probability;
 
