@@ -40,6 +40,9 @@ class RecordingPlant:
         self.states[-1].append(after)
         return after
 
+    def has_fallen(self, state: State) -> bool:
+        return self.inner.has_fallen(state)
+
     def close(self) -> None:
         self.inner.close()
 
@@ -59,6 +62,9 @@ class ScriptedPlant:
     def step(self, force: float) -> State:
         self.steps += 1
         return LYING if self.steps == self.fall else UPRIGHT
+
+    def has_fallen(self, state: State) -> bool:
+        return state == LYING
 
     def close(self) -> None: ...
 

@@ -280,6 +280,11 @@ class Equations(NamedTuple):
         memory[0], memory[1], memory[2], memory[3] = after
         return after
 
+    @inlined
+    def has_fallen(self, state: State) -> bool:
+        """Whether the pole or the cart left its limits."""
+        return has_fallen(self.parameters, state)
+
     def close(self) -> None:
         """Release nothing: there is nothing to release."""
 

@@ -165,6 +165,7 @@ def explain(error: Exception) -> str:
 CALLED_BY_THE_LOOP = (
     "reset",
     "step",
+    "has_fallen",
     "begin_trial",
     "act",
     "learn",

@@ -146,6 +146,9 @@ class _Recorder:
         self.states.append(self.plant.step(force))
         return self.states[-1]
 
+    def has_fallen(self, state: State) -> bool:
+        return self.plant.has_fallen(state)
+
     def close(self) -> None:
         self.plant.close()
 

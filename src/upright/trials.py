@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import overload
 
 from upright.agents.agent import Agent
-from upright.cartpole import State, has_fallen
+from upright.cartpole import State
 from upright.compiled import Compiled, compiled, inlined
 from upright.noise import disturb, draw_start, measure
 from upright.task import Task
@@ -29,6 +29,9 @@ class Plant(Protocol):
 
     def step(self, force: float) -> State:
         """Apply a force [N] for one time step and return the true state then."""
+
+    def has_fallen(self, state: State) -> bool:
+        """Whether the body, being in `state`, has left its limits."""
 
     def close(self) -> None:
         """Release what the plant holds."""
@@ -73,7 +76,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
         push = task.parameters.force if action else -task.parameters.force
         waiting, push = delay(task.delay, waiting, push)
         state = plant.step(disturb(task.noise, push, rng))
-        fallen = has_fallen(task.parameters, state)
+        fallen = plant.has_fallen(state)
         before, observation = observation, measure(task.noise, state, rng)
         agent.learn(before, action, observation, fallen)
         steps += 1
