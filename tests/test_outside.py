@@ -212,9 +212,9 @@ def test_the_examples_stand_in_a_table_beside_the_package_s_agents(
 def test_a_rule_is_the_same_plain_and_compiled(noise, write, compiled_case):
     plain = make_case(f"{write(PLAIN)}:Climber", steps=300, trials=15, noise=noise)
     fast = make_case(compiled_case.agent, steps=300, trials=15, noise=noise)
-    assert choose_loop(plain, make_run(plain, 3, 0)[0]) is trials.run
+    assert choose_loop(plain, make_run(plain, 3, 0)[0], equations()) is trials.run
     agent = make_run(fast, 3, 0)[0]
-    assert choose_loop(fast, agent) is trials.outside_run(type(agent))
+    assert choose_loop(fast, agent, equations()) is trials.outside_run(type(agent))
     assert lengths(plain) == lengths(fast)
     assert len({tuple(each) for each in lengths(fast)}) == 4
 
@@ -439,7 +439,7 @@ def test_a_learner_that_only_knows_gymnasium_stands_in_the_table(write, tmp_path
             for name in (agent, "random-search")
         ] == [1, 1]
     case = make_case(agent, noise="sensor-10", steps=300)
-    assert choose_loop(case, case.settings.agent(None)) is run_learner
+    assert choose_loop(case, case.settings.agent(None), equations()) is run_learner
     with Store("runs.sqlite") as store:
         found = store.results(case.key, 3)
         assert kept(store, case) == lengths(case, runs=3)

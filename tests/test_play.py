@@ -17,6 +17,7 @@ from upright.watch import watch_play
 
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
 """A task on which trials have all kinds of lengths."""
+GO_ON = np.zeros(1, np.bool_)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned
     case = case_for(policy, **changes)
     compiled = list(play(policy, case, 8, seed=3))
     for episode, played in enumerate(compiled):
-        steps, fallen = trial(policy, *prepare(case, 3, episode))
+        steps, fallen = trial(policy, *prepare(case, 3, episode, GO_ON))
         assert played == Played(steps, not fallen)
     assert len({played.steps for played in compiled}) > 1
 
@@ -86,13 +87,13 @@ def test_a_trial_depends_on_its_number_and_the_seed_alone(learned):
     few, many = (list(play(policy, case, count, seed=1)) for count in (3, 6))
     assert many[:3] == few
     assert list(play(policy, case, 3, seed=2)) != few
-    starts = [record(policy, *prepare(case, 1, i))[0][0].state for i in range(3)]
+    starts = [record(policy, *prepare(case, 1, i, GO_ON))[0][0].state for i in range(3)]
     assert len(set(starts)) == 3
 
 
 def test_every_trial_has_its_own_plant_where_plants_vary(learned):
     case = case_for(learned["reinforce"], condition="varied-plant")
-    prepared = [prepare(case, 0, episode) for episode in range(3)]
+    prepared = [prepare(case, 0, episode, GO_ON) for episode in range(3)]
     assert all(plant.parameters == task.parameters for plant, task, _ in prepared)
     assert len({task.parameters for _, task, _ in prepared}) == 3
 

@@ -14,7 +14,7 @@ import pytest
 from helpers import python
 
 from upright import tune
-from upright.agents import AGENTS, change_settings, named_settings
+from upright.agents import AGENTS, named_settings
 from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
@@ -22,6 +22,7 @@ from upright.agents.reinforce import Reinforce
 from upright.cli import BAD_USE, INTERRUPTED, run
 from upright.errors import UprightError, require
 from upright.search_space import Range, search_space
+from upright.settings import change_settings
 from upright.store import Store
 from upright.study import make_case, make_run
 from upright.tune import (

@@ -13,6 +13,7 @@ from upright.errors import UprightError
 from upright.published import CASES, RUNS, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 
 if TYPE_CHECKING:
+    from upright.plants import PlantSettings
     from upright.study import Case
 
 FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
@@ -96,6 +97,7 @@ examples:
         _add_plot,
         _add_export,
         _add_agents,
+        _add_plants,
         _add_tune,
         _add_matlab,
     ):
@@ -176,12 +178,25 @@ SHARED: dict[str, dict[str, Any]] = {
         "dest": "changes",
         "help": "change one setting; may be repeated",
     },
+    "--plant": {
+        "default": "equations",
+        "metavar": "NAME",
+        "help": "the body: equations (default), mujoco, or ros2, a cart on ROS 2's topics",
+    },
+    "--plant-set": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "dest": "plant_changes",
+        "help": "change one of the plant's settings (see upright plants); may be repeated",
+    },
     "--agent": {
         "metavar": "MODULE:NAME",
         "help": "the agent from outside that learned the policy; its code is run",
     },
 }
 """Options that several commands have."""
+PLANT = ("--plant", "--plant-set")
 TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
 
 
@@ -201,12 +216,13 @@ examples:
   upright learn q-learning --settings as-published --plot curve.png
   upright learn reinforce --steps 600000 --save policy.npz
   upright learn q-learning --set learning_rate=0.2 --set discount=0.98
+  upright learn reinforce --plant mujoco --plant-set physics_step=0.001
 {TASK_HELP}exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible.
 """,
     )
     parser.add_argument("agent", metavar="AGENT", help="who learns")
     parser.add_argument("--noise", default="none", metavar="CASE", help="noise case (default none)")
-    _add_shared(parser, *TASK)
+    _add_shared(parser, *TASK, *PLANT)
     parser.add_argument("--run", **_whole(0, "number of the run within its study", "K"))
     _add_shared(parser, "--set")
     parser.add_argument(
@@ -232,7 +248,9 @@ examples:
   upright play policy.npz --condition delay-1 --video fall.mp4
   upright play policy.npz --episodes 100 --steps 600000
   upright play policy.json                          what export wrote, or another language
-The policy plays what it learned on, but for the options given. It learns no more.
+  upright play policy.npz --plant mujoco            in another body
+The policy plays what it learned on, but for the options given, and on the equations unless another
+plant is named. It learns no more.
 With pictures there is one trial of 1,000 steps, 20 s, unless said otherwise. The pale pole and the
 lower mark are what the agent measured. Esc, q or closing the window ends the playing.
 exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.
@@ -252,7 +270,7 @@ exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked f
         metavar="N",
         help=f"a trial lasts so many steps at most (default {STEPS:,}, with pictures 1,000)",
     )
-    _add_shared(parser, "--seed")
+    _add_shared(parser, "--seed", *PLANT)
     parser.add_argument("--video", metavar="FILE", help="write what happens there, .mp4 or .gif")
     parser.add_argument("--window", action="store_true", help="show what happens, as it happens")
     _add_shared(parser, "--agent")
@@ -270,10 +288,12 @@ examples:
   upright table --agents reinforce --noises none,gaussian-0.2 --settings as-published
   upright table --runs 100 --steps 600000 --store runs.sqlite   (stopped? the same goes on)
   upright table --agents my_module:MyAgent,random-search --noises none --runs 20
+  upright table --plant mujoco --agents reinforce,random-search --runs 20
   upright table --format json --output table.json
 {TASK_HELP}""",
     )
-    _add_shared(parser, "--agents", "--noises", "--runs", *TASK, "--store", "--format", "--output")
+    _add_shared(parser, "--agents", "--noises", "--runs", *TASK, *PLANT)
+    _add_shared(parser, "--store", "--format", "--output")
     parser.set_defaults(command=table, language="Python")
 
 
@@ -438,6 +458,21 @@ examples:
     parser.set_defaults(command=agents)
 
 
+def _add_plants(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "plants",
+        "tell which plants there are, the bodies that agents balance, and their settings",
+        """\
+examples:
+  upright plants
+  upright plants mujoco
+""",
+    )
+    parser.add_argument("plant", nargs="?", metavar="PLANT", help="tell of this one's settings")
+    parser.set_defaults(command=plants)
+
+
 def _add_tune(commands: "argparse._SubParsersAction[Parser]") -> None:
     parser = _command(
         commands,
@@ -482,7 +517,7 @@ command goes on where it was.
         metavar="FILE",
         help="where candidates are kept (default tune-AGENT.sqlite in this folder)",
     )
-    parser.set_defaults(command=tune)
+    parser.set_defaults(command=tune, plant="equations", plant_changes=[])
 
 
 def _add_matlab(commands: "argparse._SubParsersAction[Parser]") -> None:
@@ -517,7 +552,9 @@ another program. Q-learning is some hundred times as fast once upright.build_mex
     parser.add_argument("--agents", **agents)
     _add_shared(parser, "--noises", "--runs", "--steps", "--trials", "--start", "--seed")
     _add_shared(parser, "--settings", "--store", "--format", "--output")
-    parser.set_defaults(command=table, language="MATLAB", integrator="euler", condition="nominal")
+    parser.set_defaults(command=table, language="MATLAB")
+    parser.set_defaults(integrator="euler", condition="nominal", plant="equations")
+    parser.set_defaults(plant_changes=[])
     parser = _command(
         parts,
         "path",
@@ -586,7 +623,10 @@ def play(options: argparse.Namespace) -> int:
     given = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in given.items() if value is not None}
     policy = load_policy(options.policy, options.agent)
-    case = case_for(policy, **{"steps": steps} | changes)
+    plant = _plant(options)
+    if plant.name != "equations":
+        changes = {"integrator": "euler"} | changes  # that it learned with is the equations' own
+    case = case_for(policy, plant=plant, **{"steps": steps} | changes)
     require("episodes", episodes, 1, 10**6, whole=True)
     check_study(episodes, options.seed)
     if options.video is not None:
@@ -598,26 +638,34 @@ def play(options: argparse.Namespace) -> int:
 def _changed_case(options: argparse.Namespace, noise: str | None = None) -> "Case":
     from dataclasses import replace
 
-    from upright.agents import change_settings
+    from upright.settings import change_settings
     from upright.study import make_case
 
     noise = noise or options.noise
     case = make_case(options.agent, options.settings, noise=noise, **_task(options))
-    changes = dict(_changes(options))
+    changes = dict(_pairs("--set", options.changes))
     return replace(case, settings=change_settings(case.settings, changes)) if changes else case
 
 
-def _changes(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    for change in options.changes:
+def _pairs(option: str, changes: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for change in changes:
         name, sign, value = change.partition("=")
         if not sign:
-            raise UprightError(f"--set is {change!r}; it must be NAME=VALUE")
+            raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
         yield name.strip().replace("-", "_"), value.strip()
+
+
+def _plant(options: argparse.Namespace) -> "PlantSettings":
+    from upright.plants import default_plant
+    from upright.settings import change_settings
+
+    changes = dict(_pairs("--plant-set", options.plant_changes))
+    return change_settings(default_plant(options.plant), changes)
 
 
 def _task(options: argparse.Namespace) -> dict[str, Any]:
     names = ("start", "steps", "trials", "integrator", "condition")
-    return {name: getattr(options, name) for name in names}
+    return {"plant": _plant(options), **{name: getattr(options, name) for name in names}}
 
 
 def table(options: argparse.Namespace) -> int:
@@ -760,17 +808,34 @@ def export(options: argparse.Namespace) -> int:
 
 def agents(options: argparse.Namespace) -> int:
     """Carry out `upright agents`."""
-    from upright.agents import describe_settings, named_settings, summarise_agent
+    from upright.agents import named_settings, summarise_agent
 
     for agent in [options.agent] if options.agent else AGENTS:
         named = named_settings(agent)
         print(f"{agent}: {summarise_agent(agent)}")
-        if not options.agent:
-            continue
-        for setting, text in describe_settings(named["default"]).items():
-            values = ", ".join(f"{label} {getattr(s, setting)!r}" for label, s in named.items())
-            print(f"  {setting}: {text}\n      {values}")
+        if options.agent:
+            _print_settings(named)
     return 0
+
+
+def plants(options: argparse.Namespace) -> int:
+    """Carry out `upright plants`."""
+    from upright.plants import PLANTS, default_plant, summarise_plant
+
+    for plant in [options.plant] if options.plant else PLANTS:
+        default = default_plant(plant)
+        print(f"{plant}: {summarise_plant(plant)}")
+        if options.plant:
+            _print_settings({"default": default})
+    return 0
+
+
+def _print_settings(named: dict[str, Any]) -> None:
+    from upright.settings import describe_settings
+
+    for setting, text in describe_settings(named["default"]).items():
+        values = ", ".join(f"{label} {getattr(s, setting)!r}" for label, s in named.items())
+        print(f"  {setting}: {text}\n      {values}")
 
 
 def tune(options: argparse.Namespace) -> int:
@@ -783,7 +848,7 @@ def tune(options: argparse.Namespace) -> int:
     require_optuna()
     noises = CASES if options.noises == "all" else _split(options.noises)
     cases = tuple(_changed_case(options, noise) for noise in noises)
-    fixed = [name for name, _ in _changes(options)]
+    fixed = [name for name, _ in _pairs("--set", options.changes)]
     space = search_space(cases[0].settings, options.search, fixed)
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)

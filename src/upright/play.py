@@ -6,6 +6,7 @@ plant of its own.
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -14,11 +15,11 @@ import numpy as np
 from upright import trials
 from upright.agents import is_outside
 from upright.agents.agent import Agent
-from upright.cartpole import State, equations
-from upright.compiled import compiled
+from upright.cartpole import State
+from upright.compiled import compiled, is_compiled
 from upright.drawing import Scene, picture
 from upright.policy import Policy
-from upright.study import Case, make_case, make_run_task
+from upright.study import Case, choose_loop, make_case, make_plant, rehearse
 from upright.task import Task
 from upright.trials import Plant
 
@@ -100,20 +101,31 @@ def case_for(policy: Policy, **changes: Any) -> Case:
 def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[Played]:
     """Play trial after trial and yield how each went.
 
-    The policies of the package's agents play compiled, those of agents from outside in Python.
+    The policies of the package's agents play compiled, if the plant is; those of agents from
+    outside in Python.
     """
-    loop = trials.run if is_outside(policy.agent) else trials.compiled_run
     agent = policy if is_outside(policy.agent) else _player(policy)
+    stop = np.zeros(1, np.bool_)
     thread = ThreadPoolExecutor(1)  # this one stays free for Ctrl-C, which compiled code ignores
     try:
         for episode in range(episodes):
-            plant, task, rng = prepare(case, seed, episode)
-            lengths, stop = np.zeros(1, np.int64), np.zeros(1, np.bool_)
-            run = thread.submit(loop, agent, plant, task._replace(trials=1), rng, lengths, stop)
-            succeeded = run.result() > 0
-            yield Played(int(lengths[0]), succeeded)
+            lengths = np.zeros(1, np.int64)
+            yield thread.submit(_play_once, agent, case, seed, episode, lengths, stop).result()
     finally:
-        thread.shutdown(wait=False)
+        stop[0] = True
+        thread.shutdown(wait=case.plant.alone)  # such a body stops within a step
+
+
+def _play_once(
+    agent: Agent, case: Case, seed: int, episode: int, lengths: np.ndarray, stop: np.ndarray
+) -> Played:
+    plant, task, rng = prepare(case, seed, episode, stop)
+    with closing(plant):
+        loop = choose_loop(case, agent, plant)
+        if loop is trials.run and is_compiled(agent):
+            rehearse(agent)
+        succeeded = loop(agent, plant, task._replace(trials=1), rng, lengths, stop) > 0
+    return Played(int(lengths[0]), succeeded)
 
 
 def _player(policy: Policy) -> Player:
@@ -121,11 +133,13 @@ def _player(policy: Policy) -> Player:
     return kind(policy.memory)
 
 
-def prepare(case: Case, seed: int, episode: int) -> tuple[Plant, Task, np.random.Generator]:
+def prepare(
+    case: Case, seed: int, episode: int, stop: np.ndarray
+) -> tuple[Plant, Task, np.random.Generator]:
     """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
-    task = make_run_task(case, seed, episode)
+    plant, task = make_plant(case, seed, episode, stop)
     numbers = np.random.SeedSequence(seed, spawn_key=(episode, STREAM))
-    return equations(task.parameters), task, np.random.default_rng(numbers)
+    return plant, task, np.random.default_rng(numbers)
 
 
 class _Recorder:
@@ -195,8 +209,9 @@ def pictures(
         If pygame-ce is missing.
     """
     for episode in range(episodes):
-        plant, task, rng = prepare(case, seed, episode)
-        scenes, played = record(policy, plant, task, rng)
+        plant, task, rng = prepare(case, seed, episode, np.zeros(1, np.bool_))
+        with closing(plant):
+            scenes, played = record(policy, plant, task, rng)
         for step, scene in enumerate(scenes):
             seconds = step * task.parameters.time_step
             ending = "   fallen" if step == played.steps and not played.balanced else ""

@@ -69,11 +69,13 @@ class Row:
     """Version of this package."""
     language: str = "Python"
     """In which language it ran."""
+    plant: str = "equations"
+    """Name of the body."""
 
     @property
     def name(self) -> str:
         """Name of the agent, for people."""
-        return named(self.agent, self.language)
+        return named(self.agent, self.language, self.plant)
 
 
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
@@ -105,6 +107,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         published=figures(case.agent, case.noise),
         seed=seed,
         language=case.language,
+        plant=case.plant.name,
     )
 
 

@@ -35,9 +35,12 @@ from upright.agents.outside import Outside, is_learner
 from upright.cartpole import equations
 from upright.compiled import explain, is_compiled, sources_hash
 from upright.errors import UprightError, require, require_module, require_one_of
+from upright.plants import PlantSettings, describe_plant, restore_plant
+from upright.plants.equations import SETTINGS as EQUATIONS
 from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import CONDITIONS, Task, draw_plant, make_task
+from upright.trials import Plant
 
 SHARED = tuple(
     f"agents/{name}.py" for name in ("agent", "outside", "boxes", "forms", "least_squares")
@@ -45,6 +48,10 @@ SHARED = tuple(
 """What agents share, besides the task."""
 GYMNASIUM = ("env.py", "protocol.py")
 """What learners from outside that only know Gymnasium share, besides that."""
+REHEARSAL = Task(steps=300, trials=5)
+"""What compiled agents do before they meet a body that compiled code cannot move."""
+PLANT_STREAM = 3
+"""Tells the random numbers that a body draws itself from those of its run."""
 LANGUAGES = ("Python", "MATLAB")
 """In which a run can be made: this package, or its MATLAB twin."""
 
@@ -73,6 +80,8 @@ class Case:
     """Name of the condition."""
     language: str = "Python"
     """One of LANGUAGES."""
+    plant: PlantSettings = EQUATIONS
+    """The body, and how it is made."""
 
     def __post_init__(self) -> None:
         """Refuse a case that cannot be run."""
@@ -80,6 +89,9 @@ class Case:
         outside = getattr(self.settings, "agent_name", "module:name")
         require_one_of("agent", self.agent, [*AGENTS, outside])
         self.task()
+        if self.plant.name != "equations":
+            require_one_of("integrator of other plants", self.integrator, ["euler"])
+            require_one_of("language of other plants", self.language, ["Python"])
         if self.language == "MATLAB":
             require_one_of("agent of the MATLAB twin", self.agent, MATLAB_AGENTS)
             require_one_of("integrator of the MATLAB twin", self.integrator, ["euler"])
@@ -88,7 +100,7 @@ class Case:
     @property
     def name(self) -> str:
         """Name of the agent, for people."""
-        return named(self.agent, self.language)
+        return named(self.agent, self.language, self.plant.name)
 
     def wanted(self, seed: int, runs: Iterable[int]) -> matlab.Wanted:
         """Return what the MATLAB twin must know to make runs of this case.
@@ -116,13 +128,16 @@ class Case:
         """Everything that determines a run save its seed, the rule's own code included, as JSON."""
         ours = self.language == "Python"
         rule = rule_version(self.agent) if ours else matlab.twin_version()
-        values = asdict(self) | {"rule": rule}
+        values = asdict(self) | {"rule": rule, "plant": describe_plant(self.plant)}
+        if version := self.plant.version():
+            values["rule"] += f"-{version}"
         return json.dumps(values, sort_keys=True)
 
 
-def named(agent: str, language: str) -> str:
-    """Return an agent's name, with the language where that is not Python."""
-    return agent if language == "Python" else f"{agent} ({language})"
+def named(agent: str, language: str, plant: str) -> str:
+    """Return an agent's name, with the language and the plant where they are not the usual ones."""
+    odd = [name for name in (language, plant) if name not in ("Python", "equations")]
+    return f"{agent} ({', '.join(odd)})" if odd else agent
 
 
 @cache
@@ -195,17 +210,25 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
     return task
 
 
-def choose_loop(case: Case, agent: Any) -> Callable[..., int]:
-    """Return the loop for an agent: compiled with it, or in Python if it is not compiled.
+def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    """Return the body of a run, and what of the run's task is left to the loop."""
+    numbers = np.random.SeedSequence(seed, spawn_key=(run, PLANT_STREAM))
+    own = int(numbers.generate_state(1)[0]) // 2  # a whole number that ROS 2 takes, too
+    return case.plant.make(make_run_task(case, seed, run), case.noise, own, stop)
+
+
+def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
+    """Return the loop for an agent and a plant: compiled, or in Python if one of them is not.
 
     For a learner that only knows Gymnasium it is the learner's own.
     """
     if is_learner(agent):
+        require_one_of("plant of learners that only know Gymnasium", case.plant.name, ["equations"])
         require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
         from upright.protocol import run_learner
 
         return run_learner
-    if not is_compiled(agent):
+    if not (is_compiled(agent) and is_compiled(plant)):
         return trials.run
     kind: Any = type(agent)
     return trials.outside_run(kind) if is_outside(case.agent) else trials.compiled_run
@@ -218,6 +241,7 @@ def make_run(
     lengths: np.ndarray | None = None,
     stop: np.ndarray | None = None,
     numbers: Callable[[int, int], np.random.Generator] | None = None,
+    plant: Plant | None = None,
 ) -> tuple[Any, Result | None]:
     """Let a new agent learn.
 
@@ -231,6 +255,8 @@ def make_run(
     numbers
         Where a run's random numbers come from: `twister_numbers`, or unless given
         `random_numbers`.
+    plant
+        The body, if it is there already and makes all noise itself.
 
     Returns
     -------
@@ -240,30 +266,50 @@ def make_run(
     Raises
     ------
     UprightError
-        If an agent from outside lacks a method or cannot be compiled, or a learner from outside
-        ends before its run.
+        If an agent from outside lacks a method or cannot be compiled, a learner from outside ends
+        before its run, or the body fails.
     """
     rng = (numbers or random_numbers)(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
-    plant = equations(task.parameters)
-    loop = choose_loop(case, agent)
-    if is_compiled(agent):
-        try:
-            loop(agent, plant, task._replace(trials=0), rng, lengths, stop)  # compiles, if need be
-        except Exception as error:
-            if not is_outside(case.agent):
-                raise
-            # No trial was made, so whatever went wrong is the compilation.
-            why = f"it cannot be compiled: {explain(error)}"
-            raise UprightError(f"agent is {case.agent!r}; {why}") from error
-    began = time.perf_counter()
-    success = loop(agent, plant, task, rng, lengths, stop) > 0
-    seconds = time.perf_counter() - began
+    if plant is None:
+        plant, task = make_plant(case, seed, run, stop)
+    with closing(plant):
+        loop = choose_loop(case, agent, plant)
+        if is_compiled(agent):
+            _compile(case, agent, loop, plant, task)
+        began = time.perf_counter()
+        success = loop(agent, plant, task, rng, lengths, stop) > 0
+        seconds = time.perf_counter() - began
     made = lengths[lengths > 0]
     stopped = not success and len(made) < case.trials
     return agent, None if stopped else Result(run, success, made, seconds)
+
+
+def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, task: Task) -> None:
+    """Have all machine code that a run needs, before its clock starts."""
+    rng, stop = np.random.default_rng(0), np.zeros(1, np.bool_)
+    try:
+        if loop is trials.run:
+            rehearse(case.settings.agent(rng))
+        else:
+            loop(agent, plant, task._replace(trials=0), rng, np.zeros(0, np.int64), stop)
+    except Exception as error:
+        if not is_outside(case.agent):
+            raise
+        # No trial of the run was made, so whatever went wrong is the compilation.
+        why = f"it cannot be compiled: {explain(error)}"
+        raise UprightError(f"agent is {case.agent!r}; {why}") from error
+
+
+def rehearse(agent: Any) -> None:
+    """Let a compiled agent balance the equations in Python, so that its methods are compiled.
+
+    A body that moves by the wall clock would not wait for the first call of a method.
+    """
+    lengths, stop = np.zeros(REHEARSAL.trials, np.int64), np.zeros(1, np.bool_)
+    trials.run(agent, equations(), REHEARSAL, np.random.default_rng(0), lengths, stop)
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
@@ -357,7 +403,12 @@ def _study_here(
 
 
 def _workers(cases: list[Case]) -> Executor:
-    """Return a worker for every core: threads, or processes if an agent is plain Python."""
+    """Return a worker for every core: threads, or processes if an agent is plain Python.
+
+    Where there is one body only, there is one worker.
+    """
+    if any(case.plant.alone for case in cases):
+        return ThreadPoolExecutor(1)
     outside = {case.settings for case in cases if is_outside(case.agent)}
     if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in outside):
         return ThreadPoolExecutor(cpu_count())
@@ -389,7 +440,8 @@ def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
     with Store(path, must_exist=True) as store:
         for values, key, seed in store.cases():
             settings = restore_settings(values["agent"], values.pop("settings"))
+            plant = restore_plant(values.pop("plant", {"name": "equations"}))
             values.pop("rule")
-            case = Case(settings=settings, **values)
+            case = Case(settings=settings, plant=plant, **values)
             found.append((case, seed, store.results(key, seed)))
     return found

@@ -29,6 +29,7 @@ from upright.agents import Settings, named_settings
 from upright.errors import UprightError, require, require_module
 from upright.report import bootstrap_interval
 from upright.search_space import Range
+from upright.settings import values_of
 from upright.store import Store
 from upright.study import Case, rule_version, study
 
@@ -433,5 +434,6 @@ def as_python(settings: Settings) -> str:
 
 
 def _differences(settings: Settings, start: Settings) -> dict[str, Any]:
-    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
-    return {name: value for name, value in values.items() if value != getattr(start, name)}
+    return {
+        name: value for name, value in values_of(settings).items() if value != getattr(start, name)
+    }

@@ -18,6 +18,8 @@ BAR = 40
 """Width of the longest bar [characters]."""
 POLL = 0.05
 """Time between two looks at the run [s]."""
+PATIENCE = 1.0
+"""How long an interrupted run is waited for [s]."""
 
 
 def watch_run(
@@ -54,6 +56,7 @@ def watch_run(
             shown = shown if quiet else _show(case, lengths, shown)
     finally:
         stop[0] = True
+        wait([future], PATIENCE)  # a cart is to be stopped
         thread.shutdown(wait=False)
     agent, result = future.result()
     assert result is not None, "it was stopped by an interrupt alone"

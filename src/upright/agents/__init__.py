@@ -1,12 +1,10 @@
 """The agents, by name: one learning rule a file, with its named settings beside it."""
 
-import ast
-import inspect
-from dataclasses import fields, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from upright.errors import UprightError, require_one_of
+from upright.settings import Fields, restored
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,10 +25,8 @@ MATLAB_AGENTS = ("q-learning", "reinforce", "random-search")
 """The agents that the MATLAB twin has, too."""
 
 
-class Settings(Protocol):
+class Settings(Fields, Protocol):
     """The settings of an agent: a frozen dataclass that checks its values and makes the agent."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def agent(self, rng: "np.random.Generator") -> Any:
         """Return a new agent, its memory blank or random."""
@@ -99,61 +95,4 @@ def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
         if values != {"agent_name": agent}:  # another name would be other code
             raise UprightError(f"the settings are {values!r}; they are not those of {agent!r}")
         return _outside(agent)
-    default = named_settings(agent)["default"]
-    if values.keys() != {field.name for field in fields(default)}:
-        raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {agent}")
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-    for name, value in values.items():
-        present = getattr(default, name)
-        if not _is_like(present, value):
-            raise UprightError(f"{name} is {value!r}; it must be like {present!r}")
-    return replace(default, **values)
-
-
-def change_settings(settings: Settings, changes: dict[str, str]) -> Settings:
-    """Return settings with some values changed, given as text.
-
-    Raises
-    ------
-    UprightError
-        If there is no such setting, or its value is not allowed.
-    """
-    present = {field.name: getattr(settings, field.name) for field in fields(settings)}
-    values = {}
-    for name, text in changes.items():
-        require_one_of("setting", name, present)
-        values[name] = _parse(name, text, present[name])
-    return replace(settings, **values)
-
-
-def _parse(name: str, text: str, present: object) -> object:
-    """Return the value that a text means, of the same kind as the present one."""
-    if isinstance(present, str):
-        return text
-    try:
-        value = float(text) if isinstance(present, float) else ast.literal_eval(text)
-    except (ValueError, SyntaxError):
-        raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
-    if isinstance(present, tuple) and isinstance(value, (int, float)):
-        value = (value,)
-    if not _is_like(present, value):
-        raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
-    return value
-
-
-def _is_like(present: object, value: object) -> bool:
-    """Whether a value is of the present one's kind; a whole number will do for any other."""
-    return type(value) is type(present) or (type(value) is int and isinstance(present, float))
-
-
-def describe_settings(settings: Settings) -> dict[str, str]:
-    """Return the line of text that stands under each field of a settings class."""
-    (definition,) = ast.parse(inspect.getsource(type(settings))).body
-    assert isinstance(definition, ast.ClassDef)
-    lines = {}
-    for field, text in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-            assert isinstance(field.target, ast.Name)
-            assert isinstance(text.value, ast.Constant)
-            lines[field.target.id] = " ".join(str(text.value.value).split())
-    return lines
+    return restored(named_settings(agent)["default"], values, agent)

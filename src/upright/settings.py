@@ -1,0 +1,95 @@
+"""Settings: frozen dataclasses that stand beside what they set, a line of text under each field.
+
+The command line, stores, documents and ROS 2 read fields, values and texts from there.
+"""
+
+import ast
+import inspect
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from upright.errors import UprightError, require_one_of
+
+
+class Fields(Protocol):
+    """Any dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+S = TypeVar("S", bound=Fields)
+
+
+def values_of(settings: Fields) -> dict[str, Any]:
+    """Return the values of settings by name."""
+    return {field.name: getattr(settings, field.name) for field in fields(settings)}
+
+
+def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
+    """Return settings like the default ones with the values that were written to a file as JSON.
+
+    Raises
+    ------
+    UprightError
+        If they are not the owner's settings, or not allowed.
+    """
+    if values.keys() != values_of(default).keys():
+        raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {owner}")
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    for name, value in values.items():
+        present = getattr(default, name)
+        if not _is_like(present, value):
+            raise UprightError(f"{name} is {value!r}; it must be like {present!r}")
+    return replace(default, **values)
+
+
+def change_settings(settings: S, changes: Mapping[str, str]) -> S:
+    """Return settings with some values changed, given as text.
+
+    Raises
+    ------
+    UprightError
+        If there is no such setting, or its value is not allowed.
+    """
+    present = values_of(settings)
+    values = {}
+    for name, text in changes.items():
+        require_one_of("setting", name, present)
+        values[name] = _parse(name, text, present[name])
+    return replace(settings, **values)
+
+
+def _parse(name: str, text: str, present: object) -> object:
+    """Return the value that a text means, of the same kind as the present one."""
+    if isinstance(present, str):
+        return text
+    try:
+        value = float(text) if isinstance(present, float) else ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
+    if isinstance(present, tuple) and isinstance(value, (int, float)):
+        value = (value,)
+    if not _is_like(present, value):
+        raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
+    return value
+
+
+def _is_like(present: object, value: object) -> bool:
+    """Whether a value is of the present one's kind; a whole number will do for any other."""
+    return type(value) is type(present) or (type(value) is int and isinstance(present, float))
+
+
+def describe_settings(settings: Fields) -> dict[str, str]:
+    """Return the line of text that stands under each field of a settings class."""
+    (definition,) = ast.parse(inspect.getsource(type(settings))).body
+    assert isinstance(definition, ast.ClassDef)
+    own = {field.name for field in fields(settings)}
+    lines = {}
+    for field, text in zip(definition.body, definition.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+            assert isinstance(field.target, ast.Name)
+            assert isinstance(text.value, ast.Constant)
+            if field.target.id in own:
+                lines[field.target.id] = " ".join(str(text.value.value).split())
+    return lines
