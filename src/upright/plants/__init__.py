@@ -1,0 +1,1 @@
+"""Bodies to balance other than the equations: the same cart-pole in simulators."""
