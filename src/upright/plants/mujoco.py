@@ -108,10 +108,7 @@ class _Kept:
         return np.asarray(cls(array, *owners))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _call(typing_context, function, model, data):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """Call a C function at an address. It is an argument, as no cached code may contain it."""
-
+def _call_at(typing_context, function, model, data):  # type: ignore[no-untyped-def]  # noqa: ARG001
     def generate(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
         address, *structs = arguments
         kind = ir.FunctionType(ir.VoidType(), [struct.type for struct in structs])
@@ -119,6 +116,11 @@ def _call(typing_context, function, model, data):  # type: ignore[no-untyped-def
         return context.get_dummy_value()
 
     return types.none(types.intp, types.intp, types.intp), generate
+
+
+_call: Any = intrinsic(_call_at)
+"""Calls a C function of model and data, all given by address: none may stand in code that is kept
+on disk."""
 
 
 class Body(NamedTuple):

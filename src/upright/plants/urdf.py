@@ -61,5 +61,8 @@ def _numbers(p: Parameters) -> dict[str, dict[str, str]]:
         f"{pole}/inertial/inertia": {"ixx": across, "iyy": across, "izz": along},
         f"{pole}/inertial/origin": middle,
         f"{pole}/visual/origin": middle,
-        f"{pole}/visual/geometry/cylinder": {"radius": f"{radius}", "length": f"{2.0 * p.half_length}"},
+        f"{pole}/visual/geometry/cylinder": {
+            "radius": f"{radius}",
+            "length": f"{2.0 * p.half_length}",
+        },
     }
