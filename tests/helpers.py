@@ -1,6 +1,7 @@
 """What several tests need: plants and agents in plain Python, and a look into an agent's memory."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -140,6 +141,17 @@ class FinePlant:
         for _ in range(200):
             self.state = step(self.fine, self.state, force)
         return self.state
+
+
+def energy(p, state):
+    """Return kinetic plus potential energy of cart and pole [J]."""
+    moment = p.pole_mass * p.half_length
+    return (
+        0.5 * (p.cart_mass + p.pole_mass) * state.x_dot**2
+        + moment * math.cos(state.theta) * state.x_dot * state.theta_dot
+        + 0.5 * 4 / 3 * moment * p.half_length * state.theta_dot**2
+        + moment * p.gravity * math.cos(state.theta)
+    )
 
 
 def arrays(memory: Any) -> Iterator[np.ndarray]:
