@@ -59,6 +59,13 @@ def test_the_asset_lies_within_the_package():
     assert PACKAGE in urdf.ASSET.parents
 
 
+def test_it_is_plain_for_every_reader():
+    """Tools of ROS pass it on as a string, which may not name an encoding, in any locale."""
+    assert urdf.text().isascii()
+    assert urdf.ASSET.read_bytes().isascii()
+    assert "encoding" not in urdf.text()
+
+
 @BOTH
 def test_every_number_is_that_of_the_parameters(parameters):
     p, body = parameters, robot(parameters)

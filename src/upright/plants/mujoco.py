@@ -6,7 +6,8 @@ up to the friction of the equations, which jumps with the sign; in all else the 
 
 The plant is compiled as the equations are: the compiled loop calls MuJoCo's C functions at their
 addresses, and reads and writes the state where MuJoCo keeps it. MuJoCo's own resets after numbers
-that diverged are off: such a state has fallen instead.
+that diverged are off: such a state has fallen instead, and MuJoCo writes a warning to the standard
+error and to MUJOCO_LOG.TXT.
 """
 
 import ctypes
@@ -32,10 +33,10 @@ INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
 class Mujoco:
     """Settings of the plant in MuJoCo."""
 
-    physics_step: float = 0.02
+    physics_step: float = Parameters().time_step
     """MuJoCo's time step [s]; a whole number of them must make up the time between two pushes."""
     integrator: str = "rk4"
-    """How MuJoCo computes a step, one of INTEGRATORS."""
+    """How MuJoCo computes a step, one of INTEGRATORS; all but rk4 are of order 1."""
 
     def __post_init__(self) -> None:
         """Refuse impossible settings."""

@@ -39,7 +39,7 @@ def text(parameters: Parameters | None = None) -> str:
     for path, values in _numbers(check_parameters(parameters or Parameters())).items():
         for element in robot.iterfind(path):
             element.attrib |= values
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _numbers(p: Parameters) -> dict[str, dict[str, str]]:
