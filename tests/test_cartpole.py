@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import energy
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -82,17 +83,6 @@ def simulate(p, state, force, steps):
     for _ in range(steps):
         state = step(p, state, force)
     return state
-
-
-def energy(p, state):
-    """Return kinetic plus potential energy of cart and pole [J]."""
-    moment = p.pole_mass * p.half_length
-    return (
-        0.5 * (p.cart_mass + p.pole_mass) * state.x_dot**2
-        + moment * math.cos(state.theta) * state.x_dot * state.theta_dot
-        + 0.5 * 4 / 3 * moment * p.half_length * state.theta_dot**2
-        + moment * p.gravity * math.cos(state.theta)
-    )
 
 
 # ------------------------------------------------------------------------------ equations

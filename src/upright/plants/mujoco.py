@@ -1,0 +1,173 @@
+"""The cart-pole in MuJoCo, behind the same contract as the equations.
+
+Its joints, masses and frictions are those of the URDF; the force on the cart is held over a control
+period, in which MuJoCo makes one or more steps. MuJoCo's friction of the cart grows with its speed
+up to the friction of the equations, which jumps with the sign; in all else the physics is the same.
+
+The plant is compiled as the equations are: the compiled loop calls MuJoCo's C functions at their
+addresses, and reads and writes the state where MuJoCo keeps it. MuJoCo's own resets after numbers
+that diverged are off: such a state has fallen instead, and MuJoCo writes a warning to the standard
+error and to MUJOCO_LOG.TXT.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from upright.cartpole import Parameters, State, check_parameters, has_fallen
+from upright.compiled import compiled, inlined
+from upright.errors import UprightError, require, require_module, require_one_of
+from upright.plants.urdf import text
+
+INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
+"""MuJoCo's names of how a step is computed."""
+
+
+@dataclass(frozen=True)
+class Mujoco:
+    """Settings of the plant in MuJoCo."""
+
+    physics_step: float = Parameters().time_step
+    """MuJoCo's time step [s]; a whole number of them must make up the time between two pushes."""
+    integrator: str = "rk4"
+    """How MuJoCo computes a step, one of INTEGRATORS; all but rk4 are of order 1."""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible settings."""
+        require("physics_step", self.physics_step, 0, above=True)
+        require_one_of("integrator", self.integrator, INTEGRATORS)
+
+    def plant(self, parameters: Parameters | None = None) -> "Body":
+        """Return the plant, at rest and upright.
+
+        Raises
+        ------
+        UprightError
+            If MuJoCo is missing, a parameter is impossible, or physics steps do not make up the
+            time step.
+        """
+        mujoco = require_module("mujoco", "this plant needs MuJoCo", "mujoco")
+        parameters = check_parameters(parameters or Parameters())
+        substeps = self._substeps(parameters.time_step)
+        model = mujoco.MjModel.from_xml_string(text(parameters))
+        model.opt.timestep = parameters.time_step / substeps
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}")
+        model.opt.gravity = (0.0, 0.0, -parameters.gravity)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        data = mujoco.MjData(model)
+        library = _library(Path(mujoco.__file__).parent)
+        return Body(
+            parameters=parameters,
+            substeps=substeps,
+            position=_Kept.view(data.qpos, model, data),
+            velocity=_Kept.view(data.qvel, model, data),
+            force=_Kept.view(data.qfrc_applied, model, data),
+            model=model._address,
+            data=data._address,
+            mj_step=_address(library.mj_step),
+            mj_reset=_address(library.mj_resetData),
+        )
+
+    def _substeps(self, time_step: float) -> int:
+        substeps = max(1, round(time_step / self.physics_step))
+        if abs(substeps * self.physics_step - time_step) > 1e-9 * time_step:
+            allowed = ", ".join(f"{time_step / n:g}" for n in (1, 2, 4, 5, 10))
+            raise UprightError(
+                f"physics_step is {self.physics_step!r}; it must be the time step of"
+                f" {time_step:g} s divided by a whole number, such as {allowed}"
+            )
+        return substeps
+
+
+def _library(folder: Path) -> ctypes.CDLL:
+    """Return MuJoCo's C library, which its Python package has loaded already."""
+    return ctypes.CDLL(str(next(folder.glob("*mujoco.*"))))
+
+
+def _address(function: Any) -> int:
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    assert address is not None
+    return address
+
+
+class _Kept:
+    """Stands behind an array in MuJoCo's memory and keeps that alive as long as the array is."""
+
+    def __init__(self, array: np.ndarray, *owners: object) -> None:
+        self.__array_interface__ = array.__array_interface__
+        self.owners = owners
+
+    @classmethod
+    def view(cls, array: np.ndarray, *owners: object) -> np.ndarray:
+        """Return the same array, and keep its owners with it, as MuJoCo's arrays do not."""
+        return np.asarray(cls(array, *owners))
+
+
+def _call_at(typing_context, function, model, data):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def generate(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        address, *structs = arguments
+        kind = ir.FunctionType(ir.VoidType(), [struct.type for struct in structs])
+        builder.call(builder.inttoptr(address, kind.as_pointer()), structs)
+        return context.get_dummy_value()
+
+    return types.none(types.intp, types.intp, types.intp), generate
+
+
+_call: Any = intrinsic(_call_at)
+"""Calls a C function of model and data, all given by address: none may stand in code that is kept
+on disk."""
+
+
+class Body(NamedTuple):
+    """The plant in MuJoCo. It belongs to the process that made it, as addresses do."""
+
+    parameters: Parameters
+    substeps: int
+    """MuJoCo's steps in a time step."""
+    position: np.ndarray
+    """MuJoCo's x [m] and theta [rad]."""
+    velocity: np.ndarray
+    """Its x_dot [m/s] and theta_dot [rad/s]."""
+    force: np.ndarray
+    """Its force on the cart [N] and torque at the hinge, which is 0 [N m]."""
+    model: int
+    """Where MuJoCo's description of the body lies."""
+    data: int
+    """Where the present state and all that MuJoCo computed with it lies."""
+    mj_step: int
+    """Address of MuJoCo's function."""
+    mj_reset: int
+    """Address of MuJoCo's mj_resetData."""
+
+    @compiled
+    def reset(self, state: State) -> State:
+        """Put the plant into `state`; nothing remains of what was before."""
+        _call(self.mj_reset, self.model, self.data)
+        self.position[0], self.velocity[0], self.position[1], self.velocity[1] = state
+        return state
+
+    @compiled
+    def step(self, force: float) -> State:
+        """Apply a force [N] for one time step and return the state then."""
+        self.force[0] = force
+        for _ in range(self.substeps):
+            _call(self.mj_step, self.model, self.data)
+        return State(self.position[0], self.velocity[0], self.position[1], self.velocity[1])
+
+    @inlined
+    def has_fallen(self, state: State) -> bool:
+        """Whether the pole or the cart left its limits."""
+        return has_fallen(self.parameters, state)
+
+    def close(self) -> None:
+        """Release nothing: MuJoCo's memory goes with the plant."""
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled or copied in depth: the addresses would lead nowhere."""
+        raise TypeError("a plant in MuJoCo cannot be pickled or copied")

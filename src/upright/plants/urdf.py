@@ -1,0 +1,68 @@
+"""The cart-pole as a URDF, which MuJoCo, DART, Gazebo and the tools of ROS 2 read.
+
+``assets/cartpole.urdf`` has the default parameters and goes anywhere as it is; `text` gives the
+same for others.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from upright.cartpole import Parameters, check_parameters
+
+ASSET = Path(__file__).parents[1] / "assets" / "cartpole.urdf"
+"""The URDF of the default parameters."""
+SLIDER, HINGE = "slider", "hinge"
+"""Names of the joints: of the cart on its track, and of the pole on the cart."""
+ROOM = 2.0
+"""Where the track ends, in position limits: far enough that no trial feels it."""
+SLENDERNESS = 50.0
+"""Half of the pole's length in radii of the pole, which matter to nothing but its looks."""
+
+
+def text(parameters: Parameters | None = None) -> str:
+    """Return the URDF of a cart-pole.
+
+    Gravity, the time step and the limits of a trial are not part of a URDF.
+
+    Parameters
+    ----------
+    parameters
+        Of the plant; the default ones unless given.
+
+    Raises
+    ------
+    UprightError
+        If a parameter is impossible.
+    """
+    comments = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    robot = ElementTree.parse(ASSET, comments).getroot()
+    for path, values in _numbers(check_parameters(parameters or Parameters())).items():
+        for element in robot.iterfind(path):
+            element.attrib |= values
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _numbers(p: Parameters) -> dict[str, dict[str, str]]:
+    """Return all that follows from the parameters: attributes by the path of their element."""
+    end = ROOM * p.position_limit
+    radius = p.half_length / SLENDERNESS
+    across = str(p.pole_mass * p.half_length**2 / 3.0)  # a thin rod about its middle
+    along = str(p.pole_mass * radius**2 / 2.0)
+    middle = {"xyz": f"0 0 {p.half_length}"}
+    slider, hinge = (f"joint[@name='{name}']" for name in (SLIDER, HINGE))
+    track, cart, pole = (f"link[@name='{name}']" for name in ("track", "cart", "pole"))
+    return {
+        f"{track}/visual/geometry/box": {"size": f"{2.0 * end} 0.06 0.03"},
+        f"{slider}/limit": {"lower": f"{-end}", "upper": f"{end}", "effort": f"{p.force}"},
+        f"{slider}/dynamics": {"friction": f"{p.cart_friction}"},
+        f"{cart}/inertial/mass": {"value": f"{p.cart_mass}"},
+        f"{hinge}/dynamics": {"damping": f"{p.pole_friction}"},
+        f"{pole}/inertial/mass": {"value": f"{p.pole_mass}"},
+        f"{pole}/inertial/inertia": {"ixx": across, "iyy": across, "izz": along},
+        f"{pole}/inertial/origin": middle,
+        f"{pole}/visual/origin": middle,
+        f"{pole}/visual/geometry/cylinder": {
+            "radius": f"{radius}",
+            "length": f"{2.0 * p.half_length}",
+        },
+    }

@@ -1,0 +1,335 @@
+import copy
+import gc
+import math
+import pickle
+import sys
+import threading
+import weakref
+
+import numpy as np
+import pytest
+from helpers import (
+    GOOD_WEIGHTS,
+    HARD_START,
+    LEANING,
+    POOR_WEIGHTS,
+    PUSHES,
+    FinePlant,
+    LinearAgent,
+    energy,
+    python,
+    trajectory,
+)
+
+from upright.agents import named_settings
+from upright.cartpole import Integrator, Parameters, State, equations
+from upright.compiled import is_compiled
+from upright.errors import UprightError
+from upright.plants.mujoco import INTEGRATORS, Mujoco
+from upright.play import Player
+from upright.study import make_case, make_run
+from upright.task import make_task
+from upright.trials import compiled_run, run
+
+SMOOTH = Parameters(cart_friction=0.0, pole_friction=0.0)
+ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
+"""A hundred times the friction, as in the condition friction-100."""
+OTHER = Parameters(
+    gravity=3.7,
+    cart_mass=2.5,
+    pole_mass=0.3,
+    half_length=0.8,
+    pole_friction=0.003,
+    time_step=0.01,
+)
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """Let MuJoCo write its log of warnings where nobody keeps it."""
+    monkeypatch.chdir(tmp_path)
+
+
+def error(plant, parameters, pushes):
+    """Return how far a plant goes astray in any part of the state [SI units]."""
+    forces = PUSHES[pushes]
+    exact = trajectory(FinePlant(parameters), forces)
+    return float(np.abs(trajectory(plant, forces) - exact).max())
+
+
+def outcome(loop, agent, plant, task):
+    lengths = np.zeros(task.trials, np.int64)
+    loop(agent, plant, task, np.random.default_rng(1), lengths, np.zeros(1, np.bool_))
+    return lengths.tolist()
+
+
+# ------------------------------------------------------------------------------ agreement
+
+
+@pytest.mark.parametrize("pushes", PUSHES)
+@pytest.mark.parametrize(("physics_step", "tolerance"), [(0.02, 1e-5), (0.002, 1.5e-9)])
+def test_without_friction_it_moves_as_the_equations(pushes, physics_step, tolerance):
+    assert error(Mujoco(physics_step).plant(SMOOTH), SMOOTH, pushes) < tolerance
+
+
+@pytest.mark.parametrize("pushes", PUSHES)
+@pytest.mark.parametrize(
+    ("parameters", "tolerance"), [(Parameters(), 2e-4), (ROUGH, 1.5e-2)], ids=["usual", "rough"]
+)
+def test_with_friction_it_moves_as_the_equations(pushes, parameters, tolerance):
+    """MuJoCo rounds the corner of dry friction at rest off, which the bang-bang pushes pass."""
+    tolerance = tolerance if pushes == "bang-bang" else 5e-6
+    assert error(Mujoco().plant(parameters), parameters, pushes) < tolerance
+    assert error(Mujoco().plant(SMOOTH), parameters, pushes) > 2 * tolerance
+
+
+@pytest.mark.parametrize("pushes", PUSHES)
+def test_other_parameters_work(pushes):
+    assert error(Mujoco(0.01).plant(OTHER), OTHER, pushes) < 2e-5
+
+
+@pytest.mark.parametrize("name", OTHER._fields[:6])
+def test_every_parameter_of_the_physics_counts(name):
+    changed = Parameters()._replace(**{name: 1.1 * getattr(Parameters(), name)})
+    forces = PUSHES["constant"]
+    usual, other = (trajectory(Mujoco().plant(p), forces) for p in (Parameters(), changed))
+    assert np.abs(usual - other).max() > 1e-7
+
+
+@pytest.mark.parametrize("integrator", ["euler", "implicit", "implicitfast"])
+def test_the_other_integrators_are_of_order_one(integrator):
+    errors = [
+        error(Mujoco(physics_step, integrator).plant(), Parameters(), "constant")
+        for physics_step in (0.002, 0.001)
+    ]
+    assert errors[1] < 5e-3
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)
+
+
+def test_energy_is_kept_without_friction():
+    plant = Mujoco(0.001).plant(SMOOTH)
+    start = plant.reset(State(0.0, 0.0, 0.5, 0.0))
+    energies = [energy(SMOOTH, plant.step(0.0)) for _ in range(500)]
+    assert energies == pytest.approx([energy(SMOOTH, start)] * 500, rel=1e-9)
+
+
+def test_the_angle_counts_turns():
+    """As in the equations, an angle is not brought back into a circle."""
+    plant = Mujoco().plant()
+    assert plant.reset(State(0.0, 0.0, 7.0, 9.0)) == State(0.0, 0.0, 7.0, 9.0)
+    assert plant.step(0.0).theta > 7.0
+    assert plant.has_fallen(plant.step(0.0))
+
+
+@pytest.mark.parametrize("x", [2.39, 2.41, 4.5])
+def test_no_stop_is_felt_where_a_trial_ends(x):
+    start = State(x, 3.0, 0.1, 0.2)
+    plant, exact = Mujoco().plant(), equations(Parameters(integrator=Integrator.RK4))
+    assert plant.reset(start) == exact.reset(start)
+    for _ in range(3):
+        after, expected = plant.step(10.0), exact.step(10.0)
+        assert after == pytest.approx(expected, abs=1e-6)
+        assert plant.has_fallen(after) == exact.has_fallen(expected) == (after.x > 2.4)
+
+
+# ------------------------------------------------------------------------------ settings
+
+
+def test_the_integrator_matters():
+    """Though with so little damping implicitfast does what euler does."""
+    plants = [Mujoco(0.02, name).plant() for name in ("euler", "implicit", "rk4")]
+    ends = {trajectory(plant, PUSHES["constant"])[-1].tobytes() for plant in plants}
+    assert len(ends) == 3
+
+
+@pytest.mark.parametrize(("physics_step", "substeps"), [(0.02, 1), (0.004, 5), (0.0001, 200)])
+def test_physics_steps_make_up_the_time_step(physics_step, substeps):
+    plant = Mujoco(physics_step).plant()
+    assert plant.substeps == substeps
+    model = plant.force.base.owners[0]
+    assert substeps * model.opt.timestep == pytest.approx(0.02, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"physics_step": 0.0}, "physics_step is 0.0; it must be a number, above 0"),
+        ({"physics_step": math.nan}, "physics_step is nan"),
+        ({"physics_step": "0.02"}, "physics_step is '0.02'"),
+        ({"integrator": "RK4"}, "integrator is 'RK4'; it must be one of euler, implicit, "),
+    ],
+)
+def test_wrong_settings_are_refused(settings, message):
+    with pytest.raises(UprightError, match=message):
+        Mujoco(**settings)
+
+
+@pytest.mark.parametrize("physics_step", [0.04, 0.015, 0.003, 0.0200001])
+def test_a_physics_step_that_does_not_fit_is_refused(physics_step):
+    message = f"physics_step is {physics_step}; .* 0.02 s .* such as 0.02, 0.01, 0.005, 0.004"
+    with pytest.raises(UprightError, match=message):
+        Mujoco(physics_step).plant()
+
+
+def test_a_physics_step_fits_to_rounding():
+    assert Mujoco(0.02 / 3).plant().substeps == 3
+    assert Mujoco(0.0066666666667).plant().substeps == 3
+
+
+def test_impossible_parameters_are_refused():
+    with pytest.raises(UprightError, match="cart_mass is 0"):
+        Mujoco().plant(Parameters(cart_mass=0.0))
+
+
+def test_without_mujoco_it_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(UprightError, match=r"needs MuJoCo: pip install 'upright\[mujoco\]'"):
+        Mujoco().plant()
+
+
+# ------------------------------------------------------------------------------ resets
+
+
+def spoil(plant):
+    for force in (10.0, math.nan, 1e300, -3.0):
+        plant.step(force)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_nothing_remains_after_a_reset(integrator):
+    plant = Mujoco(0.01, integrator).plant(ROUGH)
+    first = trajectory(plant, PUSHES["bang-bang"])
+    spoil(plant)
+    assert plant.reset(LEANING) == LEANING
+    assert trajectory(plant, PUSHES["bang-bang"]).tobytes() == first.tobytes()
+    new = trajectory(Mujoco(0.01, integrator).plant(ROUGH), PUSHES["bang-bang"])
+    assert new.tobytes() == first.tobytes()
+
+
+def test_a_reset_of_integers_is_one_of_numbers():
+    plant = Mujoco().plant()
+    plant.reset(State(0, 0, 0, 0))
+    assert plant.step(0) == State(0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("force", [math.nan, math.inf, -math.inf, 1e300, 1e12, -1e6])
+def test_a_force_beyond_reason_never_looks_healthy(force, integrator):
+    plant = Mujoco(0.02, integrator).plant()
+    plant.reset(LEANING)
+    assert plant.has_fallen(plant.step(force))
+    for _ in range(5):
+        assert plant.has_fallen(plant.step(0.0)), "MuJoCo did not reset itself"
+
+
+def test_a_state_that_is_no_number_stays_fallen():
+    plant = Mujoco().plant()
+    assert plant.has_fallen(plant.reset(State(math.nan, 0.0, 0.0, 0.0)))
+    assert plant.has_fallen(plant.step(0.0))
+
+
+# ------------------------------------------------------------------------------ more than one
+
+
+def test_two_plants_do_not_disturb_each_other():
+    one, other = Mujoco().plant(), Mujoco().plant(ROUGH)
+    alone = [trajectory(plant, PUSHES["bang-bang"]) for plant in (one, other)]
+    one.reset(LEANING)
+    other.reset(LEANING)
+    together = [(one.step(force), other.step(force)) for force in PUSHES["bang-bang"]]
+    assert np.array(together).swapaxes(0, 1).tolist() == np.array(alone).tolist()
+
+
+def test_plants_in_two_threads_do_not_disturb_each_other():
+    task = make_task(noise="all-10", steps=3000, trials=50)._replace(start=HARD_START)
+    alone = outcome(compiled_run, player(GOOD_WEIGHTS), Mujoco().plant(), task)
+    outcomes = [[], []]
+
+    def play(lengths):
+        lengths += outcome(compiled_run, player(GOOD_WEIGHTS), Mujoco().plant(), task)
+
+    threads = [threading.Thread(target=play, args=(lengths,)) for lengths in outcomes]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert outcomes == [alone, alone]
+
+
+def test_what_mujoco_allocated_lives_as_long_as_any_array_of_the_plant():
+    plant = Mujoco().plant()
+    owners = [weakref.ref(owner) for owner in plant.force.base.owners]
+    array = plant.velocity
+    del plant
+    gc.collect()
+    assert all(owner() is not None for owner in owners)
+    del array
+    gc.collect()
+    assert all(owner() is None for owner in owners)
+
+
+@pytest.mark.parametrize("leave", [pickle.dumps, copy.deepcopy])
+def test_a_plant_does_not_leave_its_process(leave):
+    with pytest.raises(TypeError, match="cannot be pickled or copied"):
+        leave(Mujoco().plant())
+
+
+# ------------------------------------------------------------------------------ the loops
+
+
+def player(weights):
+    """Return a linear policy for the compiled loop."""
+    memory = named_settings("random-search")["default"].agent(np.random.default_rng(0))
+    memory.weights[:] = np.array(weights) * memory.scales
+    return Player(memory)
+
+
+@pytest.mark.parametrize("weights", [GOOD_WEIGHTS, POOR_WEIGHTS])
+@pytest.mark.parametrize("noise", ["none", "all-10"])
+def test_the_compiled_loop_is_the_python_loop(weights, noise):
+    task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)
+    plant = Mujoco().plant()
+    assert is_compiled(plant)
+    lengths = outcome(compiled_run, player(weights), plant, task)
+    assert lengths == outcome(run, player(weights), plant, task)
+    assert len(set(lengths)) > 1
+
+
+def test_an_agent_in_plain_python_balances_it():
+    task = make_task(steps=2000, trials=5)
+    lengths = outcome(run, LinearAgent(*GOOD_WEIGHTS), Mujoco().plant(), task)
+    assert lengths == [2000, 0, 0, 0, 0]
+
+
+def test_what_was_learned_on_the_equations_balances_it():
+    memory, result = make_run(make_case("reinforce"), 0, 0)
+    assert result.success
+    task = make_task(steps=60_000, trials=1)
+    assert outcome(compiled_run, Player(memory), Mujoco().plant(), task) == [60_000]
+
+
+def test_a_policy_is_learned_on_it():
+    agent = named_settings("reinforce")["default"].agent(np.random.default_rng(0))
+    lengths = outcome(compiled_run, agent, Mujoco().plant(), make_task(steps=5000, trials=300))
+    assert 5000 in lengths
+
+
+def test_machine_code_is_found_by_the_next_process(tmp_path):
+    """And calls MuJoCo where the next process has it."""
+    code = """
+import numpy as np
+from upright.agents import named_settings
+from upright.plants.mujoco import Mujoco
+from upright.task import make_task
+from upright.trials import compiled_run
+agent = named_settings("random-search")["default"].agent(np.random.default_rng(0))
+lengths = np.zeros(20, np.int64)
+compiled_run(agent, Mujoco().plant(), make_task(trials=20), np.random.default_rng(0), lengths,
+             np.zeros(1, np.bool_))
+loop = compiled_run._outer.stats
+print(lengths.tolist(), sum(loop.cache_hits.values()), sum(loop.cache_misses.values()))
+"""
+    first, second = (python(code, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2))
+    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+    assert first.stdout.endswith("] 0 1\n")
+    assert second.stdout == first.stdout.replace("] 0 1", "] 1 0")
