@@ -100,6 +100,7 @@ examples:
         _add_plants,
         _add_tune,
         _add_matlab,
+        _add_ros2,
     ):
         add(commands)
     return parser
@@ -568,10 +569,96 @@ example, in MATLAB or Octave:
     parser.set_defaults(command=matlab_path)
 
 
+def _add_ros2(commands: "argparse._SubParsersAction[Parser]") -> None:
+    from upright_ros.settings import LearnerSettings, SimulatorSettings
+
+    parser = _command(
+        commands,
+        "ros2",
+        "a simulated cart on ROS 2's topics, and a learner for any cart that has them",
+        """\
+examples:
+  upright ros2 simulate                  a cart-pole that waits for commands
+  upright ros2 learn reinforce           in another terminal: who learns to balance it
+""",
+    )
+    parts = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser = _command(
+        parts,
+        "simulate",
+        "simulate a cart-pole until interrupted",
+        """\
+examples:
+  upright ros2 simulate --plant mujoco --noise gaussian-0.1
+  upright ros2 simulate --no-lock-step   by the wall clock, as a real cart
+ROS arguments may follow --ros-args, such as --ros-args -r effort:=/cart/effort.
+""",
+    )
+    _add_fields(parser, SimulatorSettings())
+    parser.set_defaults(command=ros2_simulate)
+    parser = _command(
+        parts,
+        "learn",
+        "let an agent learn, or a policy play, on a cart",
+        """\
+examples:
+  upright ros2 learn reinforce --save policy.npz
+  upright ros2 learn --policy policy.npz --steps 3000
+ROS arguments may follow --ros-args.
+exit status: 0 if it balanced, 1 if not, 2 if something is not possible or the cart is gone, 130 if
+it was stopped.
+""",
+    )
+    parser.add_argument("agent", nargs="?", metavar="AGENT", help="who learns (reinforce)")
+    _add_fields(parser, LearnerSettings(), without=("agent",))
+    parser.set_defaults(command=ros2_learn)
+
+
+def _add_fields(parser: Parser, settings: Any, without: Sequence[str] = ()) -> None:
+    """Add an option for each setting; those not given are absent from what is parsed."""
+    from upright.settings import describe_settings, values_of
+
+    for name, text in describe_settings(settings).items():
+        default = values_of(settings)[name]
+        if name in without or isinstance(default, tuple):
+            continue
+        flag, described = f"--{name.replace('_', '-')}", f"{text} (default {default})"
+        kind: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
+        if isinstance(default, bool):
+            kind = {"action": argparse.BooleanOptionalAction}
+        parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **kind)
+    parser.add_argument("--ros-args", nargs=argparse.REMAINDER, default=[], help="passed to ROS 2")
+
+
+def _given(options: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    """Return the settings that were given, and the ROS arguments."""
+    given = {k: v for k, v in vars(options).items() if k not in ("command", "ros_args")}
+    return {k: v for k, v in given.items() if v is not None}, ["--ros-args", *options.ros_args]
+
+
+def ros2_simulate(options: argparse.Namespace) -> int:
+    """Carry out `upright ros2 simulate`."""
+    from upright.plants.ros2 import require_rclpy
+
+    require_rclpy()
+    from upright_ros import simulator
+
+    return simulator.main(*_given(options))
+
+
+def ros2_learn(options: argparse.Namespace) -> int:
+    """Carry out `upright ros2 learn`."""
+    from upright.plants.ros2 import require_rclpy
+
+    require_rclpy()
+    from upright_ros import learner
+
+    return learner.main(*_given(options))
+
+
 def learn(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
     from upright.errors import require
-    from upright.files import check_output
     from upright.study import check_study
     from upright.watch import watch_run
 
@@ -583,10 +670,9 @@ def learn(options: argparse.Namespace) -> int:
 
         check_picture(options.plot)
     if options.save:
-        from upright.policy import check_policy
+        from upright.export import check_learned
 
-        check_output(options.save)
-        check_policy(case)
+        check_learned(options.save, case)
     memory, result = watch_run(
         case, options.seed, options.run, quiet=options.quiet, twister=options.twister
     )
@@ -595,14 +681,9 @@ def learn(options: argparse.Namespace) -> int:
         save(plot_curve(result.lengths, case.steps, title), options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
-        from upright.export import export_policy
-        from upright.policy import learned_policy, save_policy
+        from upright.export import save_learned
 
-        policy = learned_policy(case, options.seed, options.run, memory)
-        if options.save.endswith(".json"):
-            export_policy(options.save, policy)
-        else:
-            save_policy(options.save, policy, case.settings)
+        save_learned(options.save, case, options.seed, options.run, memory)
         print(f"policy: {options.save}")
     return 0 if result.success else FAILED
 
@@ -638,28 +719,20 @@ def play(options: argparse.Namespace) -> int:
 def _changed_case(options: argparse.Namespace, noise: str | None = None) -> "Case":
     from dataclasses import replace
 
-    from upright.settings import change_settings
+    from upright.settings import change_settings, pairs
     from upright.study import make_case
 
     noise = noise or options.noise
     case = make_case(options.agent, options.settings, noise=noise, **_task(options))
-    changes = dict(_pairs("--set", options.changes))
+    changes = dict(pairs("--set", options.changes))
     return replace(case, settings=change_settings(case.settings, changes)) if changes else case
-
-
-def _pairs(option: str, changes: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for change in changes:
-        name, sign, value = change.partition("=")
-        if not sign:
-            raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
-        yield name.strip().replace("-", "_"), value.strip()
 
 
 def _plant(options: argparse.Namespace) -> "PlantSettings":
     from upright.plants import default_plant
-    from upright.settings import change_settings
+    from upright.settings import change_settings, pairs
 
-    changes = dict(_pairs("--plant-set", options.plant_changes))
+    changes = dict(pairs("--plant-set", options.plant_changes))
     return change_settings(default_plant(options.plant), changes)
 
 
@@ -842,13 +915,14 @@ def tune(options: argparse.Namespace) -> int:
     """Carry out `upright tune`."""
     from upright.progress import search_with_progress, study_with_progress
     from upright.search_space import search_space
+    from upright.settings import pairs
     from upright.study import check_study
     from upright.tune import Search, describe, place_for, require_optuna, validate
 
     require_optuna()
     noises = CASES if options.noises == "all" else _split(options.noises)
     cases = tuple(_changed_case(options, noise) for noise in noises)
-    fixed = [name for name, _ in _pairs("--set", options.changes)]
+    fixed = [name for name, _ in pairs("--set", options.changes)]
     space = search_space(cases[0].settings, options.search, fixed)
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)

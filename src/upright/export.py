@@ -18,7 +18,15 @@ from upright.agents.form_data import form_entries
 from upright.agents.forms import BLOCK, Form, Network, Table, Unit
 from upright.errors import UprightError, require_module, require_one_of
 from upright.files import check_output, write_file
-from upright.policy import JSON_FORMAT, Policy, describe
+from upright.policy import (
+    JSON_FORMAT,
+    Policy,
+    check_policy,
+    describe,
+    learned_policy,
+    save_policy,
+)
+from upright.study import Case
 
 
 def export_policy(path: Path | str, policy: Policy) -> None:
@@ -31,6 +39,33 @@ def export_policy(path: Path | str, policy: Policy) -> None:
         not installed.
     """
     write_file(path, WRITERS[check_export(path).suffix](policy))
+
+
+def check_learned(path: str, case: Case) -> None:
+    """Make sure that what the case's agent learns can be saved there later.
+
+    Raises
+    ------
+    UprightError
+        If it cannot.
+    """
+    check_output(path)
+    check_policy(case)
+
+
+def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> None:
+    """Save what an agent learned in a run: as JSON if the path ends so, else as NumPy's archive.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be written.
+    """
+    policy = learned_policy(case, seed, run, memory)
+    if path.endswith(".json"):
+        export_policy(path, policy)
+    else:
+        save_policy(path, policy, case.settings)
 
 
 def check_export(path: Path | str) -> Path:

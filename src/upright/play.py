@@ -4,6 +4,7 @@ Each trial has random numbers of its own, which no learner ever drew, and where 
 plant of its own.
 """
 
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -19,6 +20,7 @@ from upright.cartpole import State
 from upright.compiled import compiled, is_compiled
 from upright.drawing import Scene, picture
 from upright.policy import Policy
+from upright.store import Result
 from upright.study import Case, choose_loop, make_case, make_plant, rehearse
 from upright.task import Task
 from upright.trials import Plant
@@ -104,7 +106,7 @@ def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[Playe
     The policies of the package's agents play compiled, if the plant is; those of agents from
     outside in Python.
     """
-    agent = policy if is_outside(policy.agent) else _player(policy)
+    agent = policy if is_outside(policy.agent) else player(policy)
     stop = np.zeros(1, np.bool_)
     thread = ThreadPoolExecutor(1)  # this one stays free for Ctrl-C, which compiled code ignores
     try:
@@ -128,7 +130,24 @@ def _play_once(
     return Played(int(lengths[0]), succeeded)
 
 
-def _player(policy: Policy) -> Player:
+def play_run(
+    policy: Policy, case: Case, seed: int, plant: Plant, lengths: np.ndarray, stop: np.ndarray
+) -> Result | None:
+    """Play on a body that is there already, until a trial balances; None if that was stopped."""
+    agent = policy if is_outside(policy.agent) else player(policy)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, STREAM)))
+    with closing(plant):
+        if is_compiled(agent):
+            rehearse(agent)
+        began = time.perf_counter()
+        balanced = trials.run(agent, plant, case.task(), rng, lengths, stop) > 0
+    made = lengths[lengths > 0]
+    stopped = not balanced and len(made) < case.trials
+    return None if stopped else Result(0, balanced, made, time.perf_counter() - began)
+
+
+def player(policy: Policy) -> Player:
+    """Return a policy of the package's agents in the form that the compiled loop takes."""
     kind = RememberingPlayer if hasattr(policy.memory, "remember") else Player
     return kind(policy.memory)
 

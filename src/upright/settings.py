@@ -5,7 +5,7 @@ The command line, stores, documents and ROS 2 read fields, values and texts from
 
 import ast
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -58,6 +58,21 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
         require_one_of("setting", name, present)
         values[name] = _parse(name, text, present[name])
     return replace(settings, **values)
+
+
+def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Return names and values of texts like NAME=VALUE.
+
+    Raises
+    ------
+    UprightError
+        If there is no =; `option` is what gave the texts.
+    """
+    for change in changes:
+        name, sign, value = change.partition("=")
+        if not sign:
+            raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
+        yield name.strip().replace("-", "_"), value.strip()
 
 
 def _parse(name: str, text: str, present: object) -> object:

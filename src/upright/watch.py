@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
@@ -46,35 +46,74 @@ def watch_run(
     KeyboardInterrupt
         If interrupted; the run ends before its next trial.
     """
-    lengths, stop = np.zeros(case.trials, np.int64), np.zeros(1, np.bool_)
-    shown = 0
+
+    def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:
+        numbers = twister_numbers if twister else None
+        return make_run(case, seed, run, lengths, stop, numbers)
+
+    def tell(number: int, length: int) -> None:
+        if not quiet:
+            print_trial(case, number, length)
+
+    return watch(case, work, tell)
+
+
+def watch(
+    case: Case,
+    work: Callable[[np.ndarray, np.ndarray], tuple[Any, Result | None]],
+    tell: Callable[[int, int], None],
+    stop: np.ndarray | None = None,
+) -> tuple[Any, Result]:
+    """Have a run made in a thread, tell of each trial as it ends, and print how the run ended.
+
+    Parameters
+    ----------
+    case
+        What is run.
+    work
+        Makes the run, given where to write the lengths of its trials, and `stop`.
+    tell
+        Told each trial's number, from 1, and its length in steps.
+    stop
+        Shape (1,), bool; set when interrupted, so that the work ends.
+
+    Returns
+    -------
+    tuple
+        What the work returned.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If interrupted.
+    """
+    lengths = np.zeros(case.trials, np.int64)
+    stop = np.zeros(1, np.bool_) if stop is None else stop
+    told = 0
+
+    def tell_more() -> None:
+        nonlocal told
+        while told < len(lengths) and lengths[told] > 0:
+            told += 1
+            tell(told, int(lengths[told - 1]))
+
     thread = ThreadPoolExecutor(1)
-    numbers = twister_numbers if twister else None
-    future = thread.submit(make_run, case, seed, run, lengths, stop, numbers)
+    future = thread.submit(work, lengths, stop)
     try:
         while not wait([future], POLL).done:
-            shown = shown if quiet else _show(case, lengths, shown)
+            tell_more()
     finally:
         stop[0] = True
         wait([future], PATIENCE)  # a cart is to be stopped
         thread.shutdown(wait=False)
-    agent, result = future.result()
+    made, result = future.result()
     assert result is not None, "it was stopped by an interrupt alone"
-    if not quiet:
-        _show(case, lengths, shown)
+    tell_more()
     print(_ending(case, result))
-    return agent, result
+    return made, result
 
 
-def _show(case: Case, lengths: np.ndarray, shown: int) -> int:
-    """Print the trials that ended since. Return how many are shown then."""
-    while shown < len(lengths) and lengths[shown] > 0:
-        _print_trial(case, shown + 1, int(lengths[shown]))
-        shown += 1
-    return shown
-
-
-def _print_trial(case: Case, number: int, length: int) -> None:
+def print_trial(case: Case, number: int, length: int) -> None:
     """Print a trial of so many steps, with a bar that is logarithmic."""
     seconds = length * case.task().parameters.time_step
     bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.steps)))
@@ -125,7 +164,7 @@ def watch_play(
 
     def tell(trial: Played) -> None:
         played.append(trial)
-        _print_trial(case, len(played), trial.steps)
+        print_trial(case, len(played), trial.steps)
 
     frames = pictures(policy, case, episodes, seed, tell)
     if window:

@@ -13,7 +13,7 @@ error and to MUJOCO_LOG.TXT.
 import ctypes
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 from llvmlite import ir
@@ -21,9 +21,13 @@ from numba import types
 from numba.extending import intrinsic
 
 from upright.cartpole import Parameters, State, check_parameters, has_fallen
-from upright.compiled import compiled, inlined
+from upright.compiled import PACKAGE, compiled, inlined
 from upright.errors import UprightError, require, require_module, require_one_of
-from upright.plants.urdf import text
+from upright.files import digest
+from upright.plants import urdf
+from upright.plants.urdf import ASSET, text
+from upright.task import Task
+from upright.trials import Plant
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
 """MuJoCo's names of how a step is computed."""
@@ -43,6 +47,19 @@ class Mujoco:
         require("physics_step", self.physics_step, 0, above=True)
         require_one_of("integrator", self.integrator, INTEGRATORS)
 
+    name: ClassVar[str] = "mujoco"
+    alone: ClassVar[bool] = False
+
+    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+        """Return the plant with the parameters of the task, and the task."""
+        return self.plant(task.parameters), task
+
+    def version(self) -> str:
+        """Return a digest of what describes the body, and the version of MuJoCo."""
+        mujoco = _mujoco()
+        sources = [Path(__file__), Path(urdf.__file__), ASSET]
+        return f"{digest(sources, PACKAGE)}-mujoco-{mujoco.__version__}"
+
     def plant(self, parameters: Parameters | None = None) -> "Body":
         """Return the plant, at rest and upright.
 
@@ -52,7 +69,7 @@ class Mujoco:
             If MuJoCo is missing, a parameter is impossible, or physics steps do not make up the
             time step.
         """
-        mujoco = require_module("mujoco", "this plant needs MuJoCo", "mujoco")
+        mujoco = _mujoco()
         parameters = check_parameters(parameters or Parameters())
         substeps = self._substeps(parameters.time_step)
         model = mujoco.MjModel.from_xml_string(text(parameters))
@@ -83,6 +100,10 @@ class Mujoco:
                 f" {time_step:g} s divided by a whole number, such as {allowed}"
             )
         return substeps
+
+
+def _mujoco() -> Any:
+    return require_module("mujoco", "this plant needs MuJoCo", "mujoco")
 
 
 def _library(folder: Path) -> ctypes.CDLL:
@@ -171,3 +192,6 @@ class Body(NamedTuple):
     def __reduce__(self) -> NoReturn:
         """Refuse to be pickled or copied in depth: the addresses would lead nowhere."""
         raise TypeError("a plant in MuJoCo cannot be pickled or copied")
+
+
+SETTINGS = Mujoco()

@@ -1,0 +1,224 @@
+"""The simulator: a cart-pole behind the topics that a real cart has, too."""
+
+import math
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from upright.cartpole import State
+from upright.errors import UprightError
+from upright.noise import disturb, draw_start, measure
+from upright.plants.ros2 import (
+    BALANCING,
+    DONE,
+    EFFORT,
+    FAULT,
+    HINGE,
+    JOINT_STATES,
+    RESET,
+    SIMULATOR,
+    SLIDER,
+    STATUS,
+)
+from upright.plants.ros2_cart import POLL, QOS, make_executor
+from upright_ros.punctuality import Punctuality
+from upright_ros.running import Given, declare, exit_status, new_node, plain
+from upright_ros.settings import DRAWN, SimulatorSettings
+
+CHANGEABLE = ("noise", "start", "start_state", "seed")
+"""Parameters that may be set while the node runs; they count from the next reset on."""
+
+
+class Simulator:
+    """Owns a plant, moves it by commands, and publishes what is measured.
+
+    Parameters
+    ----------
+    node
+        Whose topics and parameters are used.
+
+    Raises
+    ------
+    UprightError
+        If a parameter has an impossible value, or the plant's library is missing.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.settings = declare(node, SimulatorSettings(), CHANGEABLE)
+        self._node, self._log = node, node.get_logger()
+        self._task = self.settings.task()
+        self._plant, _ = self.settings.body().make(self._task, "none", 0, np.zeros(1, np.bool_))
+        self._rng = np.random.default_rng(self.settings.seed)
+        self._period = round(1e9 / self.settings.rate)  # [ns]
+        self._stamp = 0  # simulated time [ns]
+        self._status = String(data=DONE)
+        self._measured = JointState(name=[SLIDER, HINGE], effort=[0.0, 0.0])
+        self._held = False  # whether the pole is held until the first command of a trial
+        self._force = 0.0  # the last command [N]
+        self._commanded = 0.0  # when it came [s]
+        self._punctuality = Punctuality()
+
+        node.add_on_set_parameters_callback(self._on_parameters)
+        self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
+        self._statuses = node.create_publisher(String, STATUS, QOS)
+        self._clocks = node.create_publisher(Clock, "/clock", QOS)
+        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, QOS)
+        node.create_service(Trigger, RESET, self._on_reset)
+        self._executor = make_executor(node.context)
+        self._executor.add_node(node)
+        self._show(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
+
+    def run(self, parent: int | None) -> None:
+        """Serve for ever, or until the process that started this one is gone.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            At the end.
+        """
+        period = 1 / (self.settings.rate * self.settings.real_time_factor)
+        due = math.inf if self.settings.lock_step else time.monotonic() + period
+        while parent is None or os.getppid() == parent:
+            left = due - time.monotonic()
+            if left > 0:
+                self._executor.spin_once(timeout_sec=min(left, POLL))
+            else:
+                self._tick(due)
+                due += period
+        raise KeyboardInterrupt
+
+    def __str__(self) -> str:
+        how = "in lock-step" if self.settings.lock_step else "by the wall clock"
+        return f"{self.settings.plant} {how}, ROS domain {self._node.context.get_domain_id()}"
+
+    def close(self) -> None:
+        """Release the plant, and tell how punctual its last trial was."""
+        self._report()
+        self._plant.close()
+
+    def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        values = {parameter.name: plain(parameter.value) for parameter in parameters}
+        try:
+            self.settings = replace(self.settings, **values)
+        except (UprightError, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._task = self.settings.task()
+        if values.keys() & {"noise", "seed"}:
+            self._rng = np.random.default_rng(self.settings.seed)
+        return SetParametersResult(successful=True)
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Start a trial."""
+        self._report()
+        self._end(DONE)
+        state = State(*self.settings.start_state)
+        if any(map(math.isnan, state)):
+            state = draw_start(self._task.start, self._rng)
+        else:
+            self._node.set_parameters([Parameter("start_state", value=list(DRAWN))])
+        state = self._plant.reset(state)
+        self._force, self._held, self._status.data = 0.0, True, BALANCING
+        self._show(measure(self._task.noise, state, self._rng), 0.0)
+        response.success = True
+        return response
+
+    def _on_effort(self, command: Float64MultiArray) -> None:
+        """Obey a command, if a trial is going on, and if it can be obeyed."""
+        limit = self._task.parameters.force
+        force = command.data[0] if len(command.data) == 1 else math.nan
+        if not abs(force) <= limit:
+            self._log.error(f"{EFFORT} is {list(command.data)}; it must be one number in ±{limit}")
+            self._end(f"{FAULT}{EFFORT} is {list(command.data)}, beyond ±{limit} N")
+        elif self._status.data != BALANCING:
+            self._tell()  # the other side may not have heard of it
+        elif self.settings.lock_step:
+            self._advance(force)
+        else:
+            self._held, self._force, self._commanded = False, force, time.monotonic()
+            self._punctuality.command(self._commanded)
+
+    def _advance(self, force: float) -> None:
+        """Move the cart by one period."""
+        noise = self._task.noise
+        state = self._plant.step(disturb(noise, force, self._rng))
+        if self._plant.has_fallen(state):
+            self._status.data = DONE
+        self._show(measure(noise, state, self._rng), force)
+
+    def _tick(self, due: float) -> None:
+        """Let a period of the wall clock pass, which ended at `due`."""
+        if self._status.data != BALANCING or self._held:
+            self._stamp += self._period
+            self._tell()
+            return
+        now = time.monotonic()
+        if self._force and now - self._commanded > self.settings.command_timeout:
+            self._force = 0.0
+            self._log.warning(f"no {EFFORT} for {self.settings.command_timeout:g} s; it is 0 now")
+        self._advance(self._force)
+        self._punctuality.period(now - due, time.monotonic())
+
+    def _show(self, measured: State, force: float) -> None:
+        """Let time go on by a period, and publish what is measured then."""
+        self._stamp += self._period
+        x, x_dot, theta, theta_dot = measured
+        self._measured.position, self._measured.velocity = [x, theta], [x_dot, theta_dot]
+        self._measured.effort = [force, 0.0]
+        self._tell()
+
+    def _tell(self) -> None:
+        """Publish the status, then the measurement that it belongs to."""
+        stamp = self._measured.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
+        self._statuses.publish(self._status)
+        self._clocks.publish(Clock(clock=stamp))
+        self._states.publish(self._measured)
+
+    def _end(self, status: str) -> None:
+        self._status.data = status
+        self._statuses.publish(self._status)
+
+    def _report(self) -> None:
+        if summary := self._punctuality.summary():
+            self._log.info(summary)
+        self._punctuality = Punctuality()
+
+
+def main(
+    given: Given | None = None,
+    arguments: Sequence[str] | None = None,
+    parent: int | None = None,
+) -> int:
+    """Run the simulator until it is interrupted, and return the exit status.
+
+    Parameters
+    ----------
+    given
+        Settings by name; ROS parameters besides.
+    arguments
+        ROS arguments; those of the command line unless given.
+    parent
+        Id of the process with which to end.
+    """
+
+    def work() -> int:
+        with new_node(SIMULATOR, given or {}, arguments) as node:
+            simulator = Simulator(node)
+            try:
+                print(f"simulating {simulator}", flush=True)
+                simulator.run(parent)
+            finally:
+                simulator.close()
+        return 0
+
+    return exit_status(work, interrupted=0)

@@ -1,0 +1,279 @@
+"""The learner's side of the topics: a plant that commands a cart and waits for what it measures.
+
+A command goes out, and the next measurement that bears a later time stamp answers it. So the same
+code moves a simulator that waits for commands (lock-step), one that runs by the wall clock, and a
+real cart.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+import rclpy
+from rcl_interfaces.srv import SetParameters
+from rclpy.duration import Duration
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from upright.cartpole import Parameters, State, has_fallen
+from upright.errors import UprightError
+from upright.plants.ros2 import (
+    BALANCING,
+    EFFORT,
+    FAULT,
+    HINGE,
+    JOINT_STATES,
+    RESET,
+    SIMULATOR,
+    SLIDER,
+    STATUS,
+    Ros2,
+)
+
+QOS = QoSProfile(depth=10)
+"""Reliable: a lost message would end a trial."""
+POLL = 0.05
+"""How long to wait for messages before looking whether the run was stopped [s]."""
+ATTEMPTS = 3
+"""How often a reset is asked for whose measurement does not arrive: a connection may be new."""
+ACKNOWLEDGED = Duration(seconds=0.2)
+"""How long to wait until the last command has arrived."""
+
+
+def make_executor(context: rclpy.Context) -> Executor:
+    """Return the fastest executor that this ROS 2 has, to be moved by its `spin_once`."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
+
+
+class Cart:
+    """A plant behind topics.
+
+    Parameters
+    ----------
+    node
+        Whose topics are used.
+    settings
+        How long to wait.
+    parameters
+        The greatest force, the time step, and the limits for a cart that has no status.
+    stop
+        Shape (1,), bool. Once it is set, no step is made any more.
+    simulated
+        Parameters that the simulator is to have, for it is one, and can be put into any state; None
+        for a cart that starts where it does.
+
+    Raises
+    ------
+    UprightError
+        If there is no cart, or its simulator refuses.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Ros2,
+        parameters: Parameters,
+        stop: np.ndarray,
+        simulated: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.missed = 0
+        """Periods that passed without a command of their own; in lock-step there are none."""
+        self.closing = ExitStack()
+        """What else to close with the cart."""
+        self._node, self._settings, self._parameters = node, settings, parameters
+        self._stop, self._simulated = stop, simulated is not None
+        self._state = State(math.nan, math.nan, math.nan, math.nan)
+        self._stamp = -1  # of the newest measurement [ns]
+        self._since = -1  # of the newest one before the trial
+        self._has_status, self._done, self._fault = False, True, ""
+        self._names: list[str] = []
+        self._slider, self._hinge = 0, 1
+        self._command = Float64MultiArray(data=[0.0])
+        self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
+        node.create_subscription(JointState, JOINT_STATES, self._on_state, QOS)
+        node.create_subscription(String, STATUS, self._on_status, QOS)
+        self._reset = node.create_client(Trigger, RESET)
+        self._set = node.create_client(SetParameters, f"{SIMULATOR}/set_parameters")
+        self._executor = make_executor(node.context)
+        self._executor.add_node(node)
+        self._find()
+        if simulated:
+            self._set_parameters(simulated)
+
+    def reset(self, state: State) -> State:
+        """Start a trial, of a simulator in `state`; return what is measured then.
+
+        Raises
+        ------
+        UprightError
+            If the cart does not answer, or refuses.
+        KeyboardInterrupt
+            If the run was stopped.
+        """
+        if self._simulated:
+            self._set_parameters({"start_state": list(state)})
+        for _ in range(ATTEMPTS):
+            self._fault = ""
+            answer = self._call(self._reset, Trigger.Request())
+            if not answer.success:
+                raise UprightError(f"the cart was not reset: {answer.message}")
+            if not self._has_status:
+                self._since = self._stamp
+            if self._spin(self._has_begun, self._settings.watchdog):
+                return self._state
+        raise UprightError(f"the cart was reset, but no {JOINT_STATES} came")
+
+    def _has_begun(self) -> bool:
+        return self._stamp > self._since and not (self._has_status and self._done)
+
+    def step(self, force: float) -> State:
+        """Command a force [N] and return the next measurement.
+
+        Raises
+        ------
+        UprightError
+            If the force is beyond the limit, measurements cease, or the cart reports a fault.
+        KeyboardInterrupt
+            If the run was stopped.
+        """
+        if not abs(force) <= self._parameters.force:
+            raise UprightError(f"force is {force!r}; it must be within ±{self._parameters.force} N")
+        before = self._stamp
+        self._send(force)
+        watchdog = self._settings.watchdog
+        if not self._spin(lambda: self._stamp > before or self._done, watchdog):
+            raise UprightError(f"no {JOINT_STATES} came for {watchdog:g} s; the cart was stopped")
+        periods = (self._stamp - before) * 1e-9 / self._parameters.time_step
+        self.missed += max(0, round(periods) - 1)
+        if not self._has_status and self.has_fallen(self._state):
+            self._send(0.0)  # a cart that does not tell that it is done may not have stopped
+        return self._state
+
+    def has_fallen(self, state: State) -> bool:
+        """Whether the cart says so; of one that says nothing, whether `state` is beyond limits."""
+        return self._done if self._has_status else has_fallen(self._parameters, state)
+
+    def close(self) -> None:
+        """Stop the cart."""
+        if self._node.context.ok():
+            self._send(0.0)
+            self._commands.wait_for_all_acked(ACKNOWLEDGED)
+        self._executor.remove_node(self._node)
+        self.closing.close()
+
+    def _find(self) -> None:
+        """Wait until all of the cart's topics and services are there."""
+
+        def missing() -> list[str]:
+            found = {
+                f"topic {JOINT_STATES}": self._node.count_publishers(JOINT_STATES),
+                f"topic {EFFORT}": self._commands.get_subscription_count(),
+                f"service {RESET}": self._reset.service_is_ready(),
+                f"node {SIMULATOR}": not self._simulated or self._set.service_is_ready(),
+            }
+            return [name for name, there in found.items() if not there]
+
+        if not self._spin(lambda: not missing(), self._settings.patience, poll=0.01):
+            raise UprightError(
+                f"no cart was found within {self._settings.patience:g} s in ROS domain "
+                f"{self._node.context.get_domain_id()}: there is no {', no '.join(missing())}; "
+                "`upright ros2 simulate` starts a simulator"
+            )
+
+    def _set_parameters(self, values: Mapping[str, Any]) -> None:
+        request = SetParameters.Request()
+        request.parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        for result in self._call(self._set, request).results:
+            if not result.successful:
+                raise UprightError(f"the simulator refused: {result.reason}")
+
+    def _call(self, client: Any, request: Any) -> Any:
+        future = client.call_async(request)
+        if not self._spin(future.done, self._settings.patience):
+            raise UprightError(
+                f"service {client.srv_name} did not answer within {self._settings.patience:g} s"
+            )
+        return future.result()
+
+    def _send(self, force: float) -> None:
+        self._command.data = [force]
+        self._commands.publish(self._command)
+
+    def _spin(self, ready: Callable[[], bool], seconds: float, poll: float = POLL) -> bool:
+        """Handle messages until something is ready. Return whether it is, in that time."""
+        until = time.monotonic() + seconds
+        while not ready():
+            left = until - time.monotonic()
+            if self._stop[0] or not self._node.context.ok():
+                raise KeyboardInterrupt
+            if self._fault:
+                raise UprightError(f"the cart reports a {self._fault}")
+            if left < 0:
+                return False
+            try:
+                self._executor.spin_once(timeout_sec=min(left, poll))
+            except ExternalShutdownException:
+                raise KeyboardInterrupt from None
+        return True
+
+    def _on_state(self, message: JointState) -> None:
+        if message.name != self._names:
+            self._names = list(message.name)
+            try:
+                self._slider, self._hinge = map(self._names.index, (SLIDER, HINGE))
+            except ValueError:
+                self._names = []  # measurements of other joints
+                return
+        places, speeds = message.position, message.velocity
+        state = State(
+            places[self._slider], speeds[self._slider], places[self._hinge], speeds[self._hinge]
+        )
+        if not math.isfinite(sum(state)):
+            self._fault = f"{FAULT}{JOINT_STATES} holds {state}"
+        self._state = state
+        stamp = message.header.stamp
+        self._stamp = stamp.sec * 10**9 + stamp.nanosec
+
+    def _on_status(self, message: String) -> None:
+        self._has_status, was_done = True, self._done
+        self._done = message.data != BALANCING
+        if was_done and not self._done:
+            self._since = self._stamp
+        if message.data.startswith(FAULT):
+            self._fault = message.data
+
+
+def open_cart(
+    settings: Ros2, parameters: Parameters, stop: np.ndarray, simulated: Mapping[str, Any]
+) -> Cart:
+    """Return a simulator's cart on a node of its own, which closes with it.
+
+    Raises
+    ------
+    UprightError
+        If there is none.
+    """
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    with ExitStack() as opened:
+        opened.callback(context.try_shutdown)
+        node = Node("learner", context=context, start_parameter_services=False)
+        opened.callback(node.destroy_node)
+        cart = Cart(node, settings, parameters, stop, simulated)
+        cart.closing = opened.pop_all()
+    return cart

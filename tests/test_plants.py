@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from upright.agents import named_settings
+from upright.cartpole import Parameters, State
+from upright.cli import BAD_USE, run
+from upright.errors import UprightError
+from upright.plants import PLANTS, default_plant, describe_plant, restore_plant
+from upright.plants.mujoco import Mujoco
+from upright.store import Store
+from upright.study import Case, make_case, make_run, study
+from upright.study import stored as stored_cases
+from upright.task import make_task
+
+HERE = [name for name in PLANTS if name != "ros2"]
+"""Plants that need no other process."""
+STATE = State(0.1, -0.2, 0.03, 0.4)
+GO_ON = np.zeros(1, np.bool_)
+
+
+@pytest.mark.parametrize("name", HERE)
+def test_every_plant_keeps_the_contract(name):
+    plant, task = default_plant(name).make(make_task(), "none", 0, GO_ON)
+    assert task == make_task()
+    assert plant.reset(STATE) == STATE
+    first = [plant.step(10.0) for _ in range(3)]
+    assert first[-1].x_dot > STATE.x_dot + 0.3
+    assert not plant.has_fallen(first[0])
+    assert plant.has_fallen(STATE._replace(theta=0.3))
+    assert plant.reset(STATE) == STATE
+    assert [plant.step(10.0) for _ in range(3)] == first
+    plant.close()
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_plant_is_restored_from_data(name):
+    settings = default_plant(name)
+    assert restore_plant(describe_plant(settings)) == settings
+    with pytest.raises(UprightError, match="the settings 'colour' are not those of"):
+        restore_plant({"name": name, "colour": 1})
+
+
+def test_a_case_knows_its_plant(tmp_path):
+    cases = [
+        make_case("random-search", steps=200, trials=50, plant=plant)
+        for plant in (default_plant("equations"), Mujoco(), Mujoco(0.01, "implicit"))
+    ]
+    assert len({case.key for case in cases}) == 3
+    assert [case.name for case in cases] == ["random-search"] + ["random-search (mujoco)"] * 2
+    with Store(tmp_path / "runs.sqlite") as store:
+        study(cases, 3, 0, store)
+    found = stored_cases(tmp_path / "runs.sqlite")
+    assert {case for case, _, _ in found} == set(cases)
+    assert all(len(results) == 3 for _, _, results in found)
+
+
+def test_plain_agents_balance_other_plants():
+    """The loop is Python then, and gives what the compiled one gives."""
+    case = make_case("random-search", steps=200, trials=50, plant=Mujoco())
+    _, result = make_run(case, 0, 0)
+    plain = Case(**vars(case) | {"settings": Uncompiled()})
+    assert make_run(plain, 0, 0)[1].lengths.tolist() == result.lengths.tolist()
+
+
+class Uncompiled:
+    def agent(self, rng):
+        inner = named_settings("random-search")["default"].agent(rng)
+        names = ("begin_trial", "act", "learn", "end_trial")
+        methods = {name: staticmethod(getattr(inner, name)) for name in names}
+        return type("Plain", (), methods)()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("--plant jelly", "plant is 'jelly'; it must be one of equations, mujoco, ros2"),
+        ("--plant-set physics_step=1", "setting is 'physics_step'; it must be one of"),
+        ("--plant mujoco --plant-set physics_step", "it must be NAME=VALUE"),
+        ("--plant mujoco --plant-set physics_step=0.03", "physics_step is 0.03"),
+        ("--plant mujoco --plant-set integrator=magic", "integrator is 'magic'"),
+        ("--plant mujoco --integrator rk4", "integrator of other plants is 'rk4'"),
+    ],
+)
+def test_wrong_plants_are_refused(line, message, capsys):
+    assert run(["learn", "random-search", *line.split()]) == BAD_USE
+    assert message in capsys.readouterr().err
+
+
+def test_plants_tell_their_settings(capsys):
+    assert run(["plants"]) == 0
+    assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [*PLANTS]
+    assert run(["plants", "mujoco"]) == 0
+    assert "physics_step: MuJoCo's time step [s]" in capsys.readouterr().out
+
+
+def test_a_policy_learned_on_the_equations_plays_in_mujoco(tmp_path, capsys):
+    path = str(tmp_path / "policy.npz")
+    assert run(["learn", "adaptive-lqr", "--integrator", "rk4", "--quiet", "--save", path]) == 0
+    assert run(["play", path, "--plant", "mujoco", "--episodes", "3", "--steps", "60000"]) == 0
+    assert "balanced in 3 of 3 trials" in capsys.readouterr().out
+
+
+def test_conditions_reach_mujoco():
+    case = make_case("random-search", condition="friction-100", plant=Mujoco())
+    plant, _ = case.plant.make(case.task(), "none", 0, GO_ON)
+    assert plant.parameters.cart_friction == pytest.approx(100 * Parameters().cart_friction)
