@@ -594,7 +594,7 @@ examples:
 ROS arguments may follow --ros-args, such as --ros-args -r effort:=/cart/effort.
 """,
     )
-    _add_fields(parser, SimulatorSettings())
+    _add_fields(parser, SimulatorSettings)
     parser.set_defaults(command=ros2_simulate)
     parser = _command(
         parts,
@@ -610,23 +610,23 @@ it was stopped.
 """,
     )
     parser.add_argument("agent", nargs="?", metavar="AGENT", help="who learns (reinforce)")
-    _add_fields(parser, LearnerSettings(), without=("agent",))
+    _add_fields(parser, LearnerSettings, without=("agent",))
     parser.set_defaults(command=ros2_learn)
 
 
-def _add_fields(parser: Parser, settings: Any, without: Sequence[str] = ()) -> None:
+def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
     """Add an option for each setting; those not given are absent from what is parsed."""
-    from upright.settings import describe_settings, values_of
+    from upright.settings import describe_settings
 
-    for name, text in describe_settings(settings).items():
-        default = values_of(settings)[name]
+    for name, text in describe_settings(kind).items():
+        default = getattr(kind, name)
         if name in without or isinstance(default, tuple):
             continue
         flag, described = f"--{name.replace('_', '-')}", f"{text} (default {default})"
-        kind: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
+        form: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
         if isinstance(default, bool):
-            kind = {"action": argparse.BooleanOptionalAction}
-        parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **kind)
+            form = {"action": argparse.BooleanOptionalAction}
+        parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **form)
     parser.add_argument("--ros-args", nargs=argparse.REMAINDER, default=[], help="passed to ROS 2")
 
 

@@ -95,9 +95,10 @@ def _is_like(present: object, value: object) -> bool:
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
-def describe_settings(settings: Fields) -> dict[str, str]:
+def describe_settings(settings: Fields | type[Fields]) -> dict[str, str]:
     """Return the line of text that stands under each field of a settings class."""
-    (definition,) = ast.parse(inspect.getsource(type(settings))).body
+    kind = settings if isinstance(settings, type) else type(settings)
+    (definition,) = ast.parse(inspect.getsource(kind)).body
     assert isinstance(definition, ast.ClassDef)
     own = {field.name for field in fields(settings)}
     lines = {}
