@@ -137,7 +137,12 @@ class Cart:
         raise UprightError(f"the cart was reset, but no {JOINT_STATES} came")
 
     def _has_begun(self) -> bool:
-        return self._stamp > self._since and not (self._has_status and self._done)
+        if self._node.count_publishers(STATUS) and not self._has_status:
+            return False  # the connection is new, and its first word was missed
+        return self._stamp > self._since and not self._is_done()
+
+    def _is_done(self) -> bool:
+        return self._has_status and self._done
 
     def step(self, force: float) -> State:
         """Command a force [N] and return the next measurement.
@@ -154,7 +159,7 @@ class Cart:
         before = self._stamp
         self._send(force)
         watchdog = self._settings.watchdog
-        if not self._spin(lambda: self._stamp > before or self._done, watchdog):
+        if not self._spin(lambda: self._stamp > before or self._is_done(), watchdog):
             raise UprightError(f"no {JOINT_STATES} came for {watchdog:g} s; the cart was stopped")
         periods = (self._stamp - before) * 1e-9 / self._parameters.time_step
         self.missed += max(0, round(periods) - 1)
