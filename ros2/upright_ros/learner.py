@@ -7,6 +7,7 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Int64
 
+from upright.cli import FAILED, exit_status
 from upright.export import check_learned, save_learned
 from upright.plants.ros2 import Ros2
 from upright.plants.ros2_cart import QOS, Cart
@@ -15,11 +16,8 @@ from upright.policy import load_policy
 from upright.store import Result
 from upright.study import make_case, make_run
 from upright.watch import print_trial, watch
-from upright_ros.running import Given, declare, exit_status, new_node
+from upright_ros.running import Given, declare, new_node
 from upright_ros.settings import LearnerSettings
-
-FAILED, INTERRUPTED = 1, 130
-"""Exit statuses, where the pole was not balanced, and where the node was stopped."""
 
 
 def balance(node: Node, settings: LearnerSettings) -> bool:
@@ -78,4 +76,4 @@ def main(given: Given | None = None, arguments: Sequence[str] | None = None) -> 
         with new_node("learner", given or {}, arguments) as node:
             return 0 if balance(node, declare(node, LearnerSettings())) else FAILED
 
-    return exit_status(work, INTERRUPTED)
+    return exit_status(work)

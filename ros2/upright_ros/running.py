@@ -1,9 +1,8 @@
-"""What both nodes share: how they begin, take their settings, and end."""
+"""What both nodes share: how they begin and end, and take their settings."""
 
 import signal
-import sys
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -13,11 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from upright.errors import UprightError
 from upright.settings import Fields, describe_settings, restored, values_of
-
-BAD_USE = 2
-"""Exit status where something asked for is not possible, or the other side is gone."""
 
 S = TypeVar("S", bound=Fields)
 Given = Mapping[str, Any]
@@ -62,15 +57,3 @@ def declare(node: Node, settings: S, changeable: Sequence[str] = ()) -> S:
 def plain(value: Any) -> Any:
     """Return a parameter's value as settings have it."""
     return tuple(value) if isinstance(value, array | list) else value
-
-
-def exit_status(work: Callable[[], int], interrupted: int) -> int:
-    """Do a node's work and return the exit status; say in one line what went wrong."""
-    try:
-        return work()
-    except UprightError as error:
-        print(f"upright: error: {error}", file=sys.stderr)
-        return BAD_USE
-    except KeyboardInterrupt:
-        print("upright: stopped", file=sys.stderr)
-        return interrupted

@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from upright.cartpole import State
+from upright.cli import INTERRUPTED, exit_status
 from upright.errors import UprightError
 from upright.noise import disturb, draw_start, measure
 from upright.plants.ros2 import (
@@ -23,16 +24,15 @@ from upright.plants.ros2 import (
     DONE,
     EFFORT,
     FAULT,
-    HINGE,
     JOINT_STATES,
     RESET,
     SIMULATOR,
-    SLIDER,
     STATUS,
 )
 from upright.plants.ros2_cart import POLL, QOS, make_executor
+from upright.plants.urdf import HINGE, SLIDER
 from upright_ros.punctuality import Punctuality
-from upright_ros.running import Given, declare, exit_status, new_node, plain
+from upright_ros.running import Given, declare, new_node, plain
 from upright_ros.settings import DRAWN, SimulatorSettings
 
 CHANGEABLE = ("noise", "start", "start_state", "seed")
@@ -221,4 +221,5 @@ def main(
                 simulator.close()
         return 0
 
-    return exit_status(work, interrupted=0)
+    status = exit_status(work)
+    return 0 if status == INTERRUPTED else status  # there is no other end

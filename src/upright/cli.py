@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -49,8 +49,13 @@ def main() -> NoReturn:
 def run(arguments: Sequence[str]) -> int:
     """Carry out a command line and return the exit status."""
     options = _parser().parse_args(arguments)
+    return exit_status(lambda: options.command(options))
+
+
+def exit_status(work: Callable[[], int]) -> int:
+    """Do the work of a command and return its exit status; say in one line what went wrong."""
     try:
-        status: int = options.command(options)
+        return work()
     except UprightError as error:
         print(f"upright: error: {error}", file=sys.stderr)
         return BAD_USE
@@ -60,7 +65,6 @@ def run(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return FAILED
-    return status
 
 
 def _parser() -> Parser:

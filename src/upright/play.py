@@ -21,7 +21,7 @@ from upright.compiled import compiled, is_compiled
 from upright.drawing import Scene, picture
 from upright.policy import Policy
 from upright.store import Result
-from upright.study import Case, choose_loop, make_case, make_plant, rehearse
+from upright.study import Case, choose_loop, make_case, make_plant, outcome, rehearse
 from upright.task import Task
 from upright.trials import Plant
 
@@ -141,9 +141,8 @@ def play_run(
             rehearse(agent)
         began = time.perf_counter()
         balanced = trials.run(agent, plant, case.task(), rng, lengths, stop) > 0
-    made = lengths[lengths > 0]
-    stopped = not balanced and len(made) < case.trials
-    return None if stopped else Result(0, balanced, made, time.perf_counter() - began)
+        seconds = time.perf_counter() - began
+    return outcome(case, 0, balanced, lengths, seconds)
 
 
 def player(policy: Policy) -> Player:

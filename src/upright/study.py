@@ -282,9 +282,16 @@ def make_run(
         began = time.perf_counter()
         success = loop(agent, plant, task, rng, lengths, stop) > 0
         seconds = time.perf_counter() - began
+    return agent, outcome(case, run, success, lengths, seconds)
+
+
+def outcome(
+    case: Case, run: int, success: bool, lengths: np.ndarray, seconds: float
+) -> Result | None:
+    """Return the result of a run whose trials had these lengths; None if it was stopped."""
     made = lengths[lengths > 0]
     stopped = not success and len(made) < case.trials
-    return agent, None if stopped else Result(run, success, made, seconds)
+    return None if stopped else Result(run, success, made, seconds)
 
 
 def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, task: Task) -> None:

@@ -11,8 +11,6 @@ from upright.noise import Noise
 from upright.task import Task
 from upright.trials import Plant
 
-SLIDER, HINGE = "slider", "hinge"
-"""The joints, named as in the URDF."""
 JOINT_STATES, STATUS, EFFORT, RESET = "joint_states", "status", "effort", "reset"
 """Topics of measurements, of whether the pole stands, and of forces [N]; the service that starts a
 trial."""

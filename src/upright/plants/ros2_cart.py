@@ -30,14 +30,13 @@ from upright.plants.ros2 import (
     BALANCING,
     EFFORT,
     FAULT,
-    HINGE,
     JOINT_STATES,
     RESET,
     SIMULATOR,
-    SLIDER,
     STATUS,
     Ros2,
 )
+from upright.plants.urdf import HINGE, SLIDER
 
 QOS = QoSProfile(depth=10)
 """Reliable: a lost message would end a trial."""
