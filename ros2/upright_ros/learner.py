@@ -1,5 +1,6 @@
 """The learner: an agent, or a saved policy, that balances a cart behind topics."""
 
+import signal
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,13 +11,13 @@ from std_msgs.msg import Int64
 from upright.cli import FAILED, exit_status
 from upright.export import check_learned, save_learned
 from upright.plants.ros2 import Ros2
-from upright.plants.ros2_cart import QOS, Cart
+from upright.plants.ros2_cart import QOS, Cart, Given, new_node
 from upright.play import case_for, play_run
 from upright.policy import load_policy
 from upright.store import Result
 from upright.study import make_case, make_run
 from upright.watch import print_trial, watch
-from upright_ros.running import Given, declare, new_node
+from upright_ros.parameters import declare
 from upright_ros.settings import LearnerSettings
 
 
@@ -71,6 +72,7 @@ def main(given: Given | None = None, arguments: Sequence[str] | None = None) -> 
     arguments
         ROS arguments; those of the command line unless given.
     """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it stops the cart, as SIGINT does
 
     def work() -> int:
         with new_node("learner", given or {}, arguments) as node:

@@ -2,9 +2,11 @@
 
 import math
 import os
+import signal
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
@@ -16,7 +18,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from upright.cartpole import State
-from upright.cli import INTERRUPTED, exit_status
+from upright.cli import exit_status
 from upright.errors import UprightError
 from upright.noise import disturb, draw_start, measure
 from upright.plants.ros2 import (
@@ -29,10 +31,10 @@ from upright.plants.ros2 import (
     SIMULATOR,
     STATUS,
 )
-from upright.plants.ros2_cart import POLL, QOS, make_executor
+from upright.plants.ros2_cart import HEARD, KEPT, POLL, QOS, Given, make_executor, new_node
 from upright.plants.urdf import HINGE, SLIDER
+from upright_ros.parameters import declare, plain
 from upright_ros.punctuality import Punctuality
-from upright_ros.running import Given, declare, new_node, plain
 from upright_ros.settings import DRAWN, SimulatorSettings
 
 CHANGEABLE = ("noise", "start", "start_state", "seed")
@@ -70,32 +72,27 @@ class Simulator:
 
         node.add_on_set_parameters_callback(self._on_parameters)
         self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
-        self._statuses = node.create_publisher(String, STATUS, QOS)
+        self._statuses = node.create_publisher(String, STATUS, KEPT)
         self._clocks = node.create_publisher(Clock, "/clock", QOS)
-        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, QOS)
+        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, HEARD)
         node.create_service(Trigger, RESET, self._on_reset)
         self._executor = make_executor(node.context)
         self._executor.add_node(node)
+        self._warm_up()
+        self._say(DONE)
         self._show(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
 
-    def run(self, parent: int | None) -> None:
-        """Serve for ever, or until the process that started this one is gone.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            At the end.
-        """
+    def run(self, stopped: Event, parent: int | None) -> None:
+        """Serve until stopped, or until the process that started this one is gone."""
         period = 1 / (self.settings.rate * self.settings.real_time_factor)
         due = math.inf if self.settings.lock_step else time.monotonic() + period
-        while parent is None or os.getppid() == parent:
+        while not stopped.is_set() and (parent is None or os.getppid() == parent):
             left = due - time.monotonic()
             if left > 0:
                 self._executor.spin_once(timeout_sec=min(left, POLL))
             else:
                 self._tick(due)
                 due += period
-        raise KeyboardInterrupt
 
     def __str__(self) -> str:
         how = "in lock-step" if self.settings.lock_step else "by the wall clock"
@@ -104,7 +101,13 @@ class Simulator:
     def close(self) -> None:
         """Release the plant, and tell how punctual its last trial was."""
         self._report()
+        self._executor.remove_node(self._node)
         self._plant.close()
+
+    def _warm_up(self) -> None:
+        """Have everything compiled, which takes longer than others would wait for an answer."""
+        self._plant.reset(draw_start(self._task.start, np.random.default_rng(0)))
+        self._plant.has_fallen(self._plant.step(0.0))
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         values = {parameter.name: plain(parameter.value) for parameter in parameters}
@@ -120,14 +123,15 @@ class Simulator:
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start a trial."""
         self._report()
-        self._end(DONE)
+        self._say(DONE)
         state = State(*self.settings.start_state)
         if any(map(math.isnan, state)):
             state = draw_start(self._task.start, self._rng)
         else:
             self._node.set_parameters([Parameter("start_state", value=list(DRAWN))])
         state = self._plant.reset(state)
-        self._force, self._held, self._status.data = 0.0, True, BALANCING
+        self._force, self._held = 0.0, True
+        self._say(BALANCING)
         self._show(measure(self._task.noise, state, self._rng), 0.0)
         response.success = True
         return response
@@ -138,9 +142,10 @@ class Simulator:
         force = command.data[0] if len(command.data) == 1 else math.nan
         if not abs(force) <= limit:
             self._log.error(f"{EFFORT} is {list(command.data)}; it must be one number in ±{limit}")
-            self._end(f"{FAULT}{EFFORT} is {list(command.data)}, beyond ±{limit} N")
+            self._say(f"{FAULT}{EFFORT} is {list(command.data)}, beyond ±{limit} N")
         elif self._status.data != BALANCING:
-            self._tell()  # the other side may not have heard of it
+            self._say(self._status.data)  # the other side may not have heard of it
+            self._tell()
         elif self.settings.lock_step:
             self._advance(force)
         else:
@@ -152,7 +157,7 @@ class Simulator:
         noise = self._task.noise
         state = self._plant.step(disturb(noise, force, self._rng))
         if self._plant.has_fallen(state):
-            self._status.data = DONE
+            self._say(DONE)
         self._show(measure(noise, state, self._rng), force)
 
     def _tick(self, due: float) -> None:
@@ -177,14 +182,15 @@ class Simulator:
         self._tell()
 
     def _tell(self) -> None:
-        """Publish the status, then the measurement that it belongs to."""
+        """Publish what was measured last, and the time."""
         stamp = self._measured.header.stamp
         stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
-        self._statuses.publish(self._status)
-        self._clocks.publish(Clock(clock=stamp))
+        if self._clocks.get_subscription_count():  # else it would take as long as the plant
+            self._clocks.publish(Clock(clock=stamp))
         self._states.publish(self._measured)
 
-    def _end(self, status: str) -> None:
+    def _say(self, status: str) -> None:
+        """Publish a status. It changes seldom, and goes before the measurement it belongs to."""
         self._status.data = status
         self._statuses.publish(self._status)
 
@@ -210,16 +216,19 @@ def main(
     parent
         Id of the process with which to end.
     """
+    stopped = Event()
+    # No KeyboardInterrupt: what is compiled at the start would swallow it.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
 
     def work() -> int:
         with new_node(SIMULATOR, given or {}, arguments) as node:
             simulator = Simulator(node)
             try:
                 print(f"simulating {simulator}", flush=True)
-                simulator.run(parent)
+                simulator.run(stopped, parent)
             finally:
                 simulator.close()
         return 0
 
-    status = exit_status(work)
-    return 0 if status == INTERRUPTED else status  # there is no other end
+    return exit_status(work)

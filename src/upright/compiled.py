@@ -140,6 +140,7 @@ HINTS = {
     "NRT required": "it allocates memory; arrays are allocated when the agent is made",
     "Only accept returning of array": "it allocates an array; that is done when the agent is made",
     "Untyped global name 'method'": "a method that the loop calls is not under @compiled",
+    "no attribute '_outer'": "a method that the loop calls is not under @compiled",
     "No definition for lowering": "fields cannot change; a number that does lives in an array",
 }
 """What the commonest complaints of Numba mean here."""

@@ -17,11 +17,11 @@ from upright import trials
 from upright.agents import is_outside
 from upright.agents.agent import Agent
 from upright.cartpole import State
-from upright.compiled import compiled, is_compiled
+from upright.compiled import compiled
 from upright.drawing import Scene, picture
 from upright.policy import Policy
 from upright.store import Result
-from upright.study import Case, choose_loop, make_case, make_plant, outcome, rehearse
+from upright.study import Case, choose_loop, make_case, make_plant, outcome
 from upright.task import Task
 from upright.trials import Plant
 
@@ -124,8 +124,6 @@ def _play_once(
     plant, task, rng = prepare(case, seed, episode, stop)
     with closing(plant):
         loop = choose_loop(case, agent, plant)
-        if loop is trials.run and is_compiled(agent):
-            rehearse(agent)
         succeeded = loop(agent, plant, task._replace(trials=1), rng, lengths, stop) > 0
     return Played(int(lengths[0]), succeeded)
 
@@ -137,10 +135,9 @@ def play_run(
     agent = policy if is_outside(policy.agent) else player(policy)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, STREAM)))
     with closing(plant):
-        if is_compiled(agent):
-            rehearse(agent)
+        loop = choose_loop(case, agent, plant)
         began = time.perf_counter()
-        balanced = trials.run(agent, plant, case.task(), rng, lengths, stop) > 0
+        balanced = loop(agent, plant, case.task(), rng, lengths, stop) > 0
         seconds = time.perf_counter() - began
     return outcome(case, 0, balanced, lengths, seconds)
 

@@ -32,7 +32,6 @@ from upright.agents import (
     restore_settings,
 )
 from upright.agents.outside import Outside, is_learner
-from upright.cartpole import equations
 from upright.compiled import explain, is_compiled, sources_hash
 from upright.errors import UprightError, require, require_module, require_one_of
 from upright.plants import PlantSettings, describe_plant, restore_plant
@@ -48,8 +47,6 @@ SHARED = tuple(
 """What agents share, besides the task."""
 GYMNASIUM = ("env.py", "protocol.py")
 """What learners from outside that only know Gymnasium share, besides that."""
-REHEARSAL = Task(steps=300, trials=5)
-"""What compiled agents do before they meet a body that compiled code cannot move."""
 PLANT_STREAM = 3
 """Tells the random numbers that a body draws itself from those of its run."""
 LANGUAGES = ("Python", "MATLAB")
@@ -228,8 +225,10 @@ def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
         from upright.protocol import run_learner
 
         return run_learner
-    if not (is_compiled(agent) and is_compiled(plant)):
+    if not is_compiled(agent):
         return trials.run
+    if not is_compiled(plant):
+        return trials.bound_run
     kind: Any = type(agent)
     return trials.outside_run(kind) if is_outside(case.agent) else trials.compiled_run
 
@@ -298,25 +297,13 @@ def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, tas
     """Have all machine code that a run needs, before its clock starts."""
     rng, stop = np.random.default_rng(0), np.zeros(1, np.bool_)
     try:
-        if loop is trials.run:
-            rehearse(case.settings.agent(rng))
-        else:
-            loop(agent, plant, task._replace(trials=0), rng, np.zeros(0, np.int64), stop)
+        loop(agent, plant, task._replace(trials=0), rng, np.zeros(0, np.int64), stop)
     except Exception as error:
         if not is_outside(case.agent):
             raise
         # No trial of the run was made, so whatever went wrong is the compilation.
         why = f"it cannot be compiled: {explain(error)}"
         raise UprightError(f"agent is {case.agent!r}; {why}") from error
-
-
-def rehearse(agent: Any) -> None:
-    """Let a compiled agent balance the equations in Python, so that its methods are compiled.
-
-    A body that moves by the wall clock would not wait for the first call of a method.
-    """
-    lengths, stop = np.zeros(REHEARSAL.trials, np.int64), np.zeros(1, np.bool_)
-    trials.run(agent, equations(), REHEARSAL, np.random.default_rng(0), lengths, stop)
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:

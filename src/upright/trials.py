@@ -5,15 +5,16 @@ compiled, it moves the equations and the package's agents at millions of steps a
 seed gives the same trial lengths either way.
 """
 
-from functools import cache
-from typing import Protocol
+from functools import cache, partial
+from types import SimpleNamespace
+from typing import Any, Protocol
 
 import numpy as np
 from numba.extending import overload
 
 from upright.agents.agent import Agent
 from upright.cartpole import State
-from upright.compiled import Compiled, compiled, inlined
+from upright.compiled import Compiled, compiled, inlined, machine_code
 from upright.noise import disturb, draw_start, measure
 from upright.task import Task
 
@@ -124,6 +125,34 @@ def run(
         if not fallen:
             return number + 1
     return 0
+
+
+def bound_run(
+    agent: Any,
+    plant: Plant,
+    task: Task,
+    rng: np.random.Generator,
+    lengths: np.ndarray,
+    stop: np.ndarray,
+) -> int:
+    """Do the same with a compiled agent and a plant that compiled code cannot move.
+
+    All machine code is there before the first trial, as a body that moves by the wall clock would
+    not wait for it, and is called as it stands, which takes a third of the time.
+    """
+    state = State(0.0, 0.0, 0.0, 0.0)
+    calls: dict[str, tuple[Any, ...]] = {
+        "begin_trial": (rng,),
+        "act": (state, rng),
+        "learn": (state, True, state, False),
+        "end_trial": (False,),
+    }
+    methods = {
+        name: partial(machine_code(getattr(type(agent), name), agent, *given), agent)
+        for name, given in calls.items()
+    }
+    bound: Any = SimpleNamespace(**methods)
+    return run(bound, plant, task, rng, lengths, stop)
 
 
 compiled_run = compiled(run)

@@ -6,9 +6,10 @@ real cart.
 """
 
 import math
+import os
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from rclpy.duration import Duration
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -39,13 +40,20 @@ from upright.plants.ros2 import (
 from upright.plants.urdf import HINGE, SLIDER
 
 QOS = QoSProfile(depth=10)
-"""Reliable: a lost message would end a trial."""
+"""Reliable, which any subscriber accepts."""
+HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""For what comes every period: to acknowledge it would take a quarter of the time."""
+KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For a word that is said once: who comes later may hear it, too."""
 POLL = 0.05
 """How long to wait for messages before looking whether the run was stopped [s]."""
 ATTEMPTS = 3
 """How often a reset is asked for whose measurement does not arrive: a connection may be new."""
 ACKNOWLEDGED = Duration(seconds=0.2)
 """How long to wait until the last command has arrived."""
+
+Given = Mapping[str, Any]
+"""Values of a node's parameters, of those that were given."""
 
 
 def make_executor(context: rclpy.Context) -> Executor:
@@ -55,6 +63,41 @@ def make_executor(context: rclpy.Context) -> Executor:
     except ImportError:
         return SingleThreadedExecutor(context=context)
     return EventsExecutor(context=context)
+
+
+def share_core(context: rclpy.Context) -> None:
+    """Have this thread, and those it starts, stay on a core that the ROS domain determines.
+
+    In lock-step one process waits while the other works. To wake one that is on the same core takes
+    two thirds of the time.
+    """
+    if hasattr(os, "sched_setaffinity"):  # on Linux
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[context.get_domain_id() % len(cores)]})
+
+
+@contextmanager
+def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterator[Node]:
+    """Give a node of this name, and end it.
+
+    Parameters
+    ----------
+    name
+        Its name, unless ROS arguments give another.
+    given
+        Values of its parameters.
+    arguments
+        ROS arguments; those of the command line unless given.
+    """
+    context = rclpy.Context()
+    rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    with ExitStack() as opened:
+        opened.callback(context.try_shutdown)
+        share_core(context)
+        overrides = [Parameter(key, value=value) for key, value in given.items()]
+        node = Node(name, context=context, parameter_overrides=overrides)
+        opened.callback(node.destroy_node)  # else others count it for a while
+        yield node
 
 
 class Cart:
@@ -86,7 +129,7 @@ class Cart:
         settings: Ros2,
         parameters: Parameters,
         stop: np.ndarray,
-        simulated: Mapping[str, Any] | None = None,
+        simulated: Given | None = None,
     ) -> None:
         self.missed = 0
         """Periods that passed without a command of their own; in lock-step there are none."""
@@ -102,7 +145,7 @@ class Cart:
         self._slider, self._hinge = 0, 1
         self._command = Float64MultiArray(data=[0.0])
         self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
-        node.create_subscription(JointState, JOINT_STATES, self._on_state, QOS)
+        node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD)
         node.create_subscription(String, STATUS, self._on_status, QOS)
         self._reset = node.create_client(Trigger, RESET)
         self._set = node.create_client(SetParameters, f"{SIMULATOR}/set_parameters")
@@ -118,10 +161,16 @@ class Cart:
         Raises
         ------
         UprightError
-            If the cart does not answer, or refuses.
+            If the cart does not answer, or refuses, or is not alone.
         KeyboardInterrupt
             If the run was stopped.
         """
+        if (carts := self._node.count_publishers(STATUS)) > 1:
+            raise UprightError(
+                f"there are {carts} carts in ROS domain {self._node.context.get_domain_id()}, and "
+                "a command would move them all; give each its own domain or namespace (one that "
+                "was killed counts for 20 s)"
+            )
         if self._simulated:
             self._set_parameters({"start_state": list(state)})
         for _ in range(ATTEMPTS):
@@ -197,7 +246,7 @@ class Cart:
                 "`upright ros2 simulate` starts a simulator"
             )
 
-    def _set_parameters(self, values: Mapping[str, Any]) -> None:
+    def _set_parameters(self, values: Given) -> None:
         request = SetParameters.Request()
         request.parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
@@ -223,7 +272,7 @@ class Cart:
         until = time.monotonic() + seconds
         while not ready():
             left = until - time.monotonic()
-            if self._stop[0] or not self._node.context.ok():
+            if self._stop[0]:
                 raise KeyboardInterrupt
             if self._fault:
                 raise UprightError(f"the cart reports a {self._fault}")
@@ -262,9 +311,7 @@ class Cart:
             self._fault = message.data
 
 
-def open_cart(
-    settings: Ros2, parameters: Parameters, stop: np.ndarray, simulated: Mapping[str, Any]
-) -> Cart:
+def open_cart(settings: Ros2, parameters: Parameters, stop: np.ndarray, simulated: Given) -> Cart:
     """Return a simulator's cart on a node of its own, which closes with it.
 
     Raises
@@ -272,12 +319,8 @@ def open_cart(
     UprightError
         If there is none.
     """
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     with ExitStack() as opened:
-        opened.callback(context.try_shutdown)
-        node = Node("learner", context=context, start_parameter_services=False)
-        opened.callback(node.destroy_node)
+        node = opened.enter_context(new_node("learner", {}, []))
         cart = Cart(node, settings, parameters, stop, simulated)
         cart.closing = opened.pop_all()
     return cart
