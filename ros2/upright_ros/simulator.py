@@ -70,6 +70,7 @@ class Simulator:
         self._commanded = 0.0  # when it came [s]
         self._punctuality = Punctuality()
 
+        self._warm_up()  # before anybody finds the topics
         node.add_on_set_parameters_callback(self._on_parameters)
         self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
         self._statuses = node.create_publisher(String, STATUS, KEPT)
@@ -78,7 +79,6 @@ class Simulator:
         node.create_service(Trigger, RESET, self._on_reset)
         self._executor = make_executor(node.context)
         self._executor.add_node(node)
-        self._warm_up()
         self._say(DONE)
         self._show(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
 

@@ -582,6 +582,7 @@ def _add_ros2(commands: "argparse._SubParsersAction[Parser]") -> None:
         "a simulated cart on ROS 2's topics, and a learner for any cart that has them",
         """\
 examples:
+  upright ros2 demo                      both sides at once: watch it learn
   upright ros2 simulate                  a cart-pole that waits for commands
   upright ros2 learn reinforce           in another terminal: who learns to balance it
 """,
@@ -599,6 +600,7 @@ ROS arguments may follow --ros-args, such as --ros-args -r effort:=/cart/effort.
 """,
     )
     _add_fields(parser, SimulatorSettings)
+    _add_ros_arguments(parser)
     parser.set_defaults(command=ros2_simulate)
     parser = _command(
         parts,
@@ -615,7 +617,25 @@ it was stopped.
     )
     parser.add_argument("agent", nargs="?", metavar="AGENT", help="who learns (reinforce)")
     _add_fields(parser, LearnerSettings, without=("agent",))
+    _add_ros_arguments(parser)
     parser.set_defaults(command=ros2_learn)
+    parser = _command(
+        parts,
+        "demo",
+        "start both, and show the trials",
+        """\
+examples:
+  upright ros2 demo
+  upright ros2 demo adaptive-lqr --plant mujoco --noise gaussian-0.1 --seed 3
+  upright ros2 demo --policy policy.npz --no-lock-step --steps 500   ten seconds by the wall clock
+Both have a ROS domain of their own, unless ROS_DOMAIN_ID names one. The seed is for both.
+exit status: 0 if it balanced, 1 if not, 2 if something is not possible, 130 if it was stopped.
+""",
+    )
+    parser.add_argument("agent", nargs="?", metavar="AGENT", help="who learns (reinforce)")
+    _add_fields(parser, LearnerSettings, without=("agent",))
+    _add_fields(parser, SimulatorSettings, without=("seed",))
+    parser.set_defaults(command=ros2_demo)
 
 
 def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
@@ -631,13 +651,16 @@ def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
         if isinstance(default, bool):
             form = {"action": argparse.BooleanOptionalAction}
         parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **form)
+
+
+def _add_ros_arguments(parser: Parser) -> None:
     parser.add_argument("--ros-args", nargs=argparse.REMAINDER, default=[], help="passed to ROS 2")
 
 
-def _given(options: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    """Return the settings that were given, and the ROS arguments."""
-    given = {k: v for k, v in vars(options).items() if k not in ("command", "ros_args")}
-    return {k: v for k, v in given.items() if v is not None}, ["--ros-args", *options.ros_args]
+def _given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:
+    """Return the settings of one kind that were given."""
+    names = vars(options).keys() & kind.__dataclass_fields__.keys()
+    return {name: value for name in names if (value := getattr(options, name)) is not None}
 
 
 def ros2_simulate(options: argparse.Namespace) -> int:
@@ -645,9 +668,10 @@ def ros2_simulate(options: argparse.Namespace) -> int:
     from upright.plants.ros2 import require_rclpy
 
     require_rclpy()
-    from upright_ros import simulator
+    from upright_ros import settings, simulator
 
-    return simulator.main(*_given(options))
+    given = _given(options, settings.SimulatorSettings)
+    return simulator.main(given, ["--ros-args", *options.ros_args])
 
 
 def ros2_learn(options: argparse.Namespace) -> int:
@@ -655,9 +679,21 @@ def ros2_learn(options: argparse.Namespace) -> int:
     from upright.plants.ros2 import require_rclpy
 
     require_rclpy()
-    from upright_ros import learner
+    from upright_ros import learner, settings
 
-    return learner.main(*_given(options))
+    given = _given(options, settings.LearnerSettings)
+    return learner.main(given, ["--ros-args", *options.ros_args])
+
+
+def ros2_demo(options: argparse.Namespace) -> int:
+    """Carry out `upright ros2 demo`."""
+    from upright.plants.ros2 import require_rclpy
+
+    require_rclpy()
+    from upright_ros import demo, settings
+
+    simulated = _given(options, settings.SimulatorSettings)
+    return demo.main(simulated, _given(options, settings.LearnerSettings))
 
 
 def learn(options: argparse.Namespace) -> int:

@@ -78,7 +78,7 @@ def share_core(context: rclpy.Context) -> None:
 
 @contextmanager
 def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterator[Node]:
-    """Give a node of this name, and end it.
+    """Give a node of this name, and end it. It hears this machine alone, unless told otherwise.
 
     Parameters
     ----------
@@ -89,6 +89,7 @@ def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterat
     arguments
         ROS arguments; those of the command line unless given.
     """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = rclpy.Context()
     rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     with ExitStack() as opened:

@@ -1,0 +1,58 @@
+"""Both sides at once: a simulator in a process of its own, and a learner whose trials are shown."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from subprocess import PIPE, Popen, TimeoutExpired
+
+from upright.cli import BAD_USE
+from upright.plants.ros2_cart import Given
+from upright_ros import learner
+from upright_ros.settings import SimulatorSettings
+
+PATIENCE = 5.0
+"""How long the simulator may take to end [s]."""
+
+
+@contextmanager
+def start_simulator(given: Given) -> Iterator[bool]:
+    """Start a simulator with these settings, and end it; give whether it serves."""
+    call = f"main({dict(given)!r}, [], {os.getpid()})"
+    code = f"from upright_ros.simulator import main; raise SystemExit({call})"
+    with Popen([sys.executable, "-c", code], stdout=PIPE, text=True) as process:
+        try:
+            assert process.stdout
+            line = process.stdout.readline()  # it tells when it serves
+            print(line, end="", flush=True)
+            yield bool(line)
+        finally:
+            process.terminate()
+            try:
+                process.wait(PATIENCE)
+            except TimeoutExpired:
+                process.kill()
+
+
+def main(simulated: Given, learning: Given) -> int:
+    """Run both sides, in a ROS domain of their own unless ROS_DOMAIN_ID names one.
+
+    Parameters
+    ----------
+    simulated, learning
+        Settings of the simulator and of the learner, by name.
+
+    Returns
+    -------
+    int
+        The learner's exit status, or that of bad use if the simulator did not start.
+
+    Raises
+    ------
+    UprightError
+        If a setting of the simulator has an impossible value.
+    """
+    SimulatorSettings(**simulated)
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    with start_simulator(simulated) as serves:
+        return learner.main(learning, []) if serves else BAD_USE
