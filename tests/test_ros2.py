@@ -1,5 +1,7 @@
-"""Real nodes in real processes, in a domain of their own on this machine alone."""
+"""Real nodes in real processes, in domains of their own on this machine alone."""
 
+import itertools
+import math
 import os
 import re
 import signal
@@ -7,43 +9,141 @@ import subprocess
 import sys
 import time
 from importlib.util import find_spec
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from upright.cli import BAD_USE
+from upright.cartpole import State
+from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.errors import UprightError
+from upright.plants import default_plant
 from upright.study import make_case, make_run
+from upright.task import make_task
 
-pytestmark = pytest.mark.skipif(
-    not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
-    reason="ROS 2 (rclpy) is not installed: no node is tested",
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
+        reason="ROS 2 (rclpy) is not installed: no node is tested",
+    ),
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
+]
 COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
+EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
 LIMIT = 90
 """No process takes longer [s]."""
+DOMAINS = itertools.count(os.getpid())
+STATE = State(0.1, -0.2, 0.03, 0.4)
+
+
+@pytest.fixture(autouse=True)
+def domain(monkeypatch, tmp_path):
+    """A ROS domain for each test, as whoever is killed is counted in his for a while."""
+    number = 1 + next(DOMAINS) % 100
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    return number
 
 
 @pytest.fixture
-def surroundings(tmp_path):
-    domain = str(1 + os.getpid() % 100)
-    own = {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    return os.environ | own | {"ROS_LOG_DIR": str(tmp_path)}
+def start():
+    """Start a command; whatever it started must be gone soon after it."""
+    started = []
+
+    def start_one(line, command=COMMAND):
+        process = subprocess.Popen(
+            [*command, *line.split()],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(process)
+        return process
+
+    yield start_one
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+        process.communicate(timeout=LIMIT)
+    left = [process.args for process in started if not is_gone(process.pid)]
+    assert not left, "something is left over of them"
+
+
+def is_gone(group):
+    """Whether a group of processes has ended; end it if it has not within a few seconds."""
+    for _ in range(50):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    os.killpg(group, signal.SIGKILL)
+    return False
 
 
 @pytest.fixture
-def simulator(surroundings):
-    process = subprocess.Popen(
-        [*COMMAND, "ros2", "simulate"], env=surroundings, stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout.readline().startswith("simulating equations in lock-step")
-    yield process
-    process.kill()
-    process.communicate(timeout=LIMIT)
+def simulate(start):
+    def simulate_with(options=""):
+        process = start(f"ros2 simulate {options}")
+        assert process.stdout.readline().startswith("simulating equations")
+        return process
+
+    return simulate_with
 
 
-def upright(surroundings, line):
-    return subprocess.run(
-        [*COMMAND, *line.split()], env=surroundings, capture_output=True, text=True, timeout=LIMIT
-    )
+@pytest.fixture
+def simulator(simulate):
+    return simulate()
+
+
+@pytest.fixture
+def hand(domain):
+    """A node of this process, to command and to listen by hand."""
+    from upright.plants.ros2_cart import new_node
+
+    with new_node("hand", {}, []) as node:
+        yield Hand(node)
+
+
+class Hand:
+    def __init__(self, node):
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Float64MultiArray, String
+        from std_srvs.srv import Trigger
+
+        from upright.plants.ros2_cart import KEPT, QOS, make_executor
+
+        self.states, self.words = [], []
+        self.message, self.trigger = Float64MultiArray, Trigger.Request
+        self.effort = node.create_publisher(Float64MultiArray, "effort", QOS)
+        node.create_subscription(JointState, "joint_states", self.states.append, QOS)
+        node.create_subscription(String, "status", lambda word: self.words.append(word.data), KEPT)
+        self.reset_service = node.create_client(Trigger, "reset")
+        self.executor = make_executor(node.context)
+        self.executor.add_node(node)
+        self.until(lambda: self.words and self.effort.get_subscription_count())
+        assert self.reset_service.wait_for_service(10)
+
+    def until(self, ready, seconds=10.0):
+        end = time.monotonic() + seconds
+        while not ready() and time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+        assert ready()
+
+    def reset(self):
+        answer = self.reset_service.call_async(self.trigger())
+        self.until(answer.done)
+        self.until(lambda: self.words[-1] == "Balancing")
+
+    def command(self, *forces):
+        self.effort.publish(self.message(data=forces))
+
+
+def finish(process):
+    out, told = process.communicate(timeout=LIMIT)
+    return process.returncode, out, told
 
 
 def lengths(text):
@@ -51,40 +151,238 @@ def lengths(text):
     return [int(length.replace(",", "")) for length in found]
 
 
-def test_trials_are_those_of_the_equations(simulator, surroundings):
+def make_cart():
+    return default_plant("ros2").make(make_task(), "none", 0, np.zeros(1, np.bool_))
+
+
+# ---- What it is for ------------------------------------------------------------------------------
+
+
+def test_trials_are_those_of_the_equations(simulator, start):
     """Numbers pass unchanged, so the same seed gives the same trials as without ROS 2."""
     line = "learn reinforce --plant ros2 --steps 1000 --seed 3"
-    done = upright(surroundings, line)
-    assert done.returncode == 0, done.stderr
+    status, out, told = finish(start(line))
+    assert status == 0, told
     _, alone = make_run(make_case("reinforce", steps=1000), 3, 0)
-    assert lengths(done.stdout) == alone.lengths.tolist()
-    simulator.send_signal(signal.SIGINT)
-    assert simulator.wait(LIMIT) == 0
+    assert lengths(out) == alone.lengths.tolist()
 
 
-def test_a_learner_learns_where_the_simulator_makes_the_noise(simulator, surroundings):
-    done = upright(surroundings, "ros2 learn adaptive-lqr --steps 1000 --trials 20")
-    assert done.returncode == 0, done.stderr
-    assert lengths(done.stdout)[-1] == 1000
+def test_a_cart_is_a_plant(simulator):
+    cores = os.sched_getaffinity(0)
+    cart, left = make_cart()
+    assert left == make_task()
+    assert cart.reset(STATE) == STATE
+    first = [cart.step(10.0) for _ in range(3)]
+    assert first[-1].x_dot > STATE.x_dot + 0.3
+    assert not cart.has_fallen(first[-1])
+    assert cart.reset(STATE) == STATE
+    assert [cart.step(10.0) for _ in range(3)] == first
+    while not cart.has_fallen(state := cart.step(10.0)):
+        assert abs(state.theta) <= math.radians(12)
+    assert abs(state.theta) > math.radians(12)
+    with pytest.raises(UprightError, match=r"force is 10.5; it must be within ±10"):
+        cart.step(10.5)
+    with pytest.raises(UprightError, match=r"force is nan"):
+        cart.step(math.nan)
+    cart.close()
+    assert os.sched_getaffinity(0) == cores
 
 
-def test_without_a_cart_there_is_a_clear_error(surroundings):
-    done = upright(surroundings, "ros2 learn reinforce --patience 1")
-    assert done.returncode == BAD_USE
-    assert "no cart was found within 1 s in ROS domain" in done.stderr
+def test_tables_and_policies_know_the_plant(simulator, tmp_path, capsys):
+    """Here in the test's own process, where capsys leaves ROS 2 its slower executor alone."""
+    assert run("learn random-search --plant ros2 --steps 300 --seed 3".split()) == 0
+    _, alone = make_run(make_case("random-search", steps=300), 3, 0)
+    assert lengths(capsys.readouterr().out) == alone.lengths.tolist()
+    path = str(tmp_path / "policy.npz")
+    line = "learn adaptive-lqr --plant ros2 --noise gaussian-0.1 --steps 500 --save"
+    assert run([*line.split(), path]) == 0
+    assert run(["play", path, "--plant", "ros2", "--episodes", "2", "--steps", "500"]) == 0
+    assert "balanced in 2 of 2 trials" in capsys.readouterr().out
+    line = "table --plant ros2 --agents random-search --noises none --runs 2 --steps 100"
+    assert run(line.split()) == 0
+    assert "random-search (ros2)" in capsys.readouterr().out
 
 
-def test_a_killed_simulator_ends_the_learner(simulator, surroundings):
-    learner = subprocess.Popen(
-        [*COMMAND, "ros2", "learn", "random-search"],
-        env=surroundings,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+def test_a_learner_learns_where_the_simulator_makes_the_noise(simulate, start, tmp_path):
+    simulate("--noise gaussian-0.1 --seed 3")
+    path = tmp_path / "policy.json"
+    line = f"ros2 learn adaptive-lqr --steps 1000 --trials 20 --save {path}"
+    status, out, told = finish(start(line))
+    assert status == 0, told
+    assert lengths(out)[-1] == 1000
+    assert path.exists()
+
+
+def test_ros_arguments_reach_the_nodes(simulate, start):
+    """Parameters and other names for topics, as ROS users give them."""
+    simulate("--ros-args -p seed:=5 -r effort:=/cart/effort")
+    line = (
+        "ros2 learn random-search --ros-args -p trials:=3 -p steps:=50000 -r effort:=/cart/effort"
     )
+    status, out, told = finish(start(line))
+    assert status == FAILED, told
+    assert len(lengths(out)) == 3
+
+
+def test_a_policy_balances_by_the_wall_clock(simulate, start, tmp_path):
+    path = str(tmp_path / "policy.npz")
+    assert run(["learn", "adaptive-lqr", "--quiet", "--save", path]) == 0
+    simulator = simulate("--no-lock-step")
+    began = time.monotonic()
+    status, out, told = finish(start(f"ros2 learn --policy {path} --steps 250"))
+    assert status == 0, told
+    assert time.monotonic() - began > 5
+    assert lengths(out) == [250]
+    simulator.terminate()
+    status, _, told = finish(simulator)
+    assert status == 0
+    periods, missed = re.search(r"(\d+) periods, (\d+) missed; jitter: p50 \d", told).groups()
+    assert 245 <= int(periods) <= 260
+    assert int(missed) <= 25
+
+
+def test_the_demonstration_shows_trials(start):
+    line = "ros2 demo random-search --noise all-5 --steps 300 --seed 2"
+    status, out, told = finish(start(line))
+    assert status == 0, told
+    assert out.startswith("simulating equations in lock-step, ROS domain")
+    assert lengths(out)[-1] == 300
+
+
+def test_a_cart_of_one_s_own_is_balanced(start):
+    """The example knows neither status nor parameters, and stamps with its own clock."""
+    start(str(EXAMPLE), [sys.executable])
+    line = "ros2 learn adaptive-lqr --steps 150 --trials 20"
+    status, out, told = finish(start(line))
+    assert status == 0, told
+    assert lengths(out)[-1] == 150
+
+
+# ---- What goes wrong -----------------------------------------------------------------------------
+
+
+def test_without_a_cart_there_is_a_clear_error(start, domain):
+    status, _, told = finish(start("ros2 learn reinforce --patience 1"))
+    assert status == BAD_USE
+    assert f"no cart was found within 1 s in ROS domain {domain}: there is no topic" in told
+
+
+def test_two_carts_are_refused(simulate, start):
+    simulate()
+    simulate()
+    status, _, told = finish(start("ros2 learn random-search"))
+    assert status == BAD_USE
+    assert "there are 2 carts in ROS domain" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("simulate --plant jelly", "plant of a simulator is 'jelly'"),
+        ("simulate --ros-args -p rate:=0.0", "rate is 0.0; it must be"),
+        ("learn nobody", "agent is 'nobody'; it must be one of"),
+        ("learn --policy nowhere.npz", "nowhere.npz"),
+        ("demo --start-state 1", "unrecognized arguments"),
+        ("demo --plant mujoco --plant-set physics_step=1", "physics_step is 1"),
+    ],
+)
+def test_wrong_settings_are_refused(options, message, start):
+    status, _, told = finish(start(f"ros2 {options}"))
+    assert status == BAD_USE
+    assert message in told
+    assert "Traceback" not in told
+
+
+def test_a_simulator_refuses_what_it_cannot_be_set_to(simulator):
+    settings = default_plant("ros2")
+    with pytest.raises(UprightError, match="the simulator refused: noise is 'magic'"):
+        settings.make(make_task(), "magic", 0, np.zeros(1, np.bool_))
+
+
+@pytest.mark.parametrize("forces", [(math.nan,), (1e9,), (-10.01,), (), (1.0, 2.0)])
+def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
+    hand.reset()
+    hand.command(10.0)
+    hand.until(lambda: hand.states[-1].velocity[0] > 0.1)
+    count = len(hand.states)
+    hand.command(*forces)
+    hand.until(lambda: hand.words[-1].startswith("Fault: effort is ["))
+    assert len(hand.states) == count
+    hand.reset()  # all is well again
+    hand.command(-10.0)
+    hand.until(lambda: hand.states[-1].velocity[0] < -0.1)
+
+
+def test_a_fault_ends_the_learner(simulator, start, hand):
+    learner = start("ros2 learn random-search")
     assert learner.stdout.readline().startswith("trial    1")
-    time.sleep(0.5)
+    hand.command(math.nan)
+    status, _, told = finish(learner)
+    assert status == BAD_USE
+    assert "the cart reports a Fault: effort is [nan]" in told
+
+
+def test_a_killed_simulator_ends_the_learner(simulator, start):
+    learner = start("ros2 learn random-search")
+    assert learner.stdout.readline().startswith("trial    1")
     simulator.kill()
-    _, told = learner.communicate(timeout=LIMIT)
-    assert learner.returncode == BAD_USE
+    status, _, told = finish(learner)
+    assert status == BAD_USE
     assert re.search("no joint_states came for 0.5 s; the cart was stopped|did not answer", told)
+
+
+def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
+    learner = start("ros2 learn random-search --watchdog 0.3")
+    assert learner.stdout.readline().startswith("trial    1")
+    simulator.send_signal(signal.SIGSTOP)
+    status, _, told = finish(learner)
+    simulator.send_signal(signal.SIGCONT)
+    assert status == BAD_USE
+    assert re.search("no joint_states came for 0.3 s; the cart was stopped|did not answer", told)
+    hand.reset()  # the simulator lives
+
+
+def test_a_killed_learner_leaves_a_cart_at_rest(simulate, start, hand_of_simulator, tmp_path):
+    """By the wall clock, as a real cart: without commands the force is 0."""
+    path = str(tmp_path / "policy.npz")
+    assert run(["learn", "adaptive-lqr", "--quiet", "--save", path]) == 0
+    simulate("--no-lock-step")
+    hand = hand_of_simulator()
+    learner = start(f"ros2 learn --policy {path}")
+    hand.until(lambda: len(hand.states) > 50 and abs(hand.states[-1].effort[0]) == 10)
+    learner.kill()
+    hand.until(lambda: hand.words[-1] == "Done")
+    pushes = [abs(state.effort[0]) for state in hand.states]
+    assert pushes[-1] == 0
+    assert 10 in pushes
+    finish(learner)
+    status, _, told = finish(start(f"ros2 learn --policy {path} --steps 50"))
+    assert status == 0, told
+
+
+@pytest.fixture
+def hand_of_simulator(domain, request):
+    """A hand that is made once there is a simulator."""
+    return lambda: request.getfixturevalue("hand")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_both_sides_stop_when_told(number, simulator, start):
+    learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
+    assert learner.stdout.readline().startswith("trial    1")
+    learner.send_signal(number)
+    status, _, told = finish(learner)
+    assert (status, told) == (INTERRUPTED, "upright: stopped\n")
+    simulator.send_signal(number)
+    assert finish(simulator)[0] == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_the_demonstration_leaves_nothing_behind(number, start):
+    """Its simulator ends with it, however it ends (see `start`)."""
+    demo = start("ros2 demo random-search --trials 100000 --steps 100000000")
+    assert demo.stdout.readline().startswith("simulating")
+    assert demo.stdout.readline().startswith("trial    1")
+    demo.send_signal(number)
+    status, _, _ = finish(demo)
+    assert status == (INTERRUPTED if number != signal.SIGKILL else -signal.SIGKILL)

@@ -123,7 +123,6 @@ class Simulator:
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start a trial."""
         self._report()
-        self._say(DONE)
         state = State(*self.settings.start_state)
         if any(map(math.isnan, state)):
             state = draw_start(self._task.start, self._rng)
@@ -145,7 +144,7 @@ class Simulator:
             self._say(f"{FAULT}{EFFORT} is {list(command.data)}, beyond ±{limit} N")
         elif self._status.data != BALANCING:
             self._say(self._status.data)  # the other side may not have heard of it
-            self._tell()
+            self._rest()
         elif self.settings.lock_step:
             self._advance(force)
         else:
@@ -163,8 +162,7 @@ class Simulator:
     def _tick(self, due: float) -> None:
         """Let a period of the wall clock pass, which ended at `due`."""
         if self._status.data != BALANCING or self._held:
-            self._stamp += self._period
-            self._tell()
+            self._rest()
             return
         now = time.monotonic()
         if self._force and now - self._commanded > self.settings.command_timeout:
@@ -174,15 +172,15 @@ class Simulator:
         self._punctuality.period(now - due, time.monotonic())
 
     def _show(self, measured: State, force: float) -> None:
-        """Let time go on by a period, and publish what is measured then."""
-        self._stamp += self._period
+        """Let a period pass, and publish what is measured then."""
         x, x_dot, theta, theta_dot = measured
         self._measured.position, self._measured.velocity = [x, theta], [x_dot, theta_dot]
         self._measured.effort = [force, 0.0]
-        self._tell()
+        self._rest()
 
-    def _tell(self) -> None:
-        """Publish what was measured last, and the time."""
+    def _rest(self) -> None:
+        """Let a period pass, and publish what was measured last."""
+        self._stamp += self._period
         stamp = self._measured.header.stamp
         stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
         if self._clocks.get_subscription_count():  # else it would take as long as the plant

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from io import UnsupportedOperation
 from typing import Any
 
 import numpy as np
@@ -60,20 +61,28 @@ def make_executor(context: rclpy.Context) -> Executor:
     """Return the fastest executor that this ROS 2 has, to be moved by its `spin_once`."""
     try:
         from rclpy.experimental import EventsExecutor
-    except ImportError:
+
+        return EventsExecutor(context=context)
+    except (ImportError, UnsupportedOperation):  # it wants a file as standard error
         return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)
 
 
-def share_core(context: rclpy.Context) -> None:
-    """Have this thread, and those it starts, stay on a core that the ROS domain determines.
+@contextmanager
+def share_core(context: rclpy.Context) -> Iterator[None]:
+    """Keep this thread, and those it starts, on a core that the ROS domain determines.
 
     In lock-step one process waits while the other works. To wake one that is on the same core takes
     two thirds of the time.
     """
-    if hasattr(os, "sched_setaffinity"):  # on Linux
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[context.get_domain_id() % len(cores)]})
+    if not hasattr(os, "sched_setaffinity"):  # it is Linux that has it
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {sorted(cores)[context.get_domain_id() % len(cores)]})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 @contextmanager
@@ -94,7 +103,7 @@ def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterat
     rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     with ExitStack() as opened:
         opened.callback(context.try_shutdown)
-        share_core(context)
+        opened.enter_context(share_core(context))
         overrides = [Parameter(key, value=value) for key, value in given.items()]
         node = Node(name, context=context, parameter_overrides=overrides)
         opened.callback(node.destroy_node)  # else others count it for a while
@@ -146,8 +155,9 @@ class Cart:
         self._slider, self._hinge = 0, 1
         self._command = Float64MultiArray(data=[0.0])
         self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
-        node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD)
+        # The status first: of two that have a message, some executors turn to the first.
         node.create_subscription(String, STATUS, self._on_status, QOS)
+        node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD)
         self._reset = node.create_client(Trigger, RESET)
         self._set = node.create_client(SetParameters, f"{SIMULATOR}/set_parameters")
         self._executor = make_executor(node.context)
@@ -175,7 +185,7 @@ class Cart:
         if self._simulated:
             self._set_parameters({"start_state": list(state)})
         for _ in range(ATTEMPTS):
-            self._fault = ""
+            self._done, self._fault = True, ""
             answer = self._call(self._reset, Trigger.Request())
             if not answer.success:
                 raise UprightError(f"the cart was not reset: {answer.message}")
@@ -188,10 +198,7 @@ class Cart:
     def _has_begun(self) -> bool:
         if self._node.count_publishers(STATUS) and not self._has_status:
             return False  # the connection is new, and its first word was missed
-        return self._stamp > self._since and not self._is_done()
-
-    def _is_done(self) -> bool:
-        return self._has_status and self._done
+        return self._stamp > self._since and not (self._has_status and self._done)
 
     def step(self, force: float) -> State:
         """Command a force [N] and return the next measurement.
@@ -208,7 +215,7 @@ class Cart:
         before = self._stamp
         self._send(force)
         watchdog = self._settings.watchdog
-        if not self._spin(lambda: self._stamp > before or self._is_done(), watchdog):
+        if not self._spin(lambda: self._stamp > before, watchdog):
             raise UprightError(f"no {JOINT_STATES} came for {watchdog:g} s; the cart was stopped")
         periods = (self._stamp - before) * 1e-9 / self._parameters.time_step
         self.missed += max(0, round(periods) - 1)
@@ -304,9 +311,9 @@ class Cart:
         self._stamp = stamp.sec * 10**9 + stamp.nanosec
 
     def _on_status(self, message: String) -> None:
-        self._has_status, was_done = True, self._done
+        self._has_status = True
         self._done = message.data != BALANCING
-        if was_done and not self._done:
+        if not self._done:
             self._since = self._stamp
         if message.data.startswith(FAULT):
             self._fault = message.data
