@@ -190,7 +190,8 @@ def test_a_cart_is_a_plant(simulator):
 
 def test_tables_and_policies_know_the_plant(simulator, tmp_path, capsys):
     """Here in the test's own process, where capsys leaves ROS 2 its slower executor alone."""
-    assert run("learn random-search --plant ros2 --steps 300 --seed 3".split()) == 0
+    line = "learn random-search --plant ros2 --steps 300 --seed 3"
+    assert run(line.split()) == 0
     _, alone = make_run(make_case("random-search", steps=300), 3, 0)
     assert lengths(capsys.readouterr().out) == alone.lengths.tolist()
     path = str(tmp_path / "policy.npz")
