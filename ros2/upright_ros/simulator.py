@@ -32,6 +32,7 @@ from upright.plants.ros2 import (
     STATUS,
 )
 from upright.plants.ros2_cart import HEARD, KEPT, POLL, QOS, Given, make_executor, new_node
+from upright.plants.ros2_messages import read_numbers
 from upright.plants.urdf import HINGE, SLIDER
 from upright_ros.parameters import declare, plain
 from upright_ros.punctuality import Punctuality
@@ -75,7 +76,7 @@ class Simulator:
         self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
         self._statuses = node.create_publisher(String, STATUS, KEPT)
         self._clocks = node.create_publisher(Clock, "/clock", QOS)
-        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, HEARD)
+        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, HEARD, raw=True)
         node.create_service(Trigger, RESET, self._on_reset)
         self._executor = make_executor(node.context)
         self._executor.add_node(node)
@@ -135,13 +136,14 @@ class Simulator:
         response.success = True
         return response
 
-    def _on_effort(self, command: Float64MultiArray) -> None:
+    def _on_effort(self, raw: bytes) -> None:
         """Obey a command, if a trial is going on, and if it can be obeyed."""
         limit = self._task.parameters.force
-        force = command.data[0] if len(command.data) == 1 else math.nan
+        numbers = read_numbers(raw)
+        force = numbers[0] if len(numbers) == 1 else math.nan
         if not abs(force) <= limit:
-            self._log.error(f"{EFFORT} is {list(command.data)}; it must be one number in ±{limit}")
-            self._say(f"{FAULT}{EFFORT} is {list(command.data)}, beyond ±{limit} N")
+            self._log.error(f"{EFFORT} is {numbers}; it must be one number in ±{limit}")
+            self._say(f"{FAULT}{EFFORT} is {numbers}, beyond ±{limit} N")
         elif self._status.data != BALANCING:
             self._say(self._status.data)  # the other side may not have heard of it
             self._rest()

@@ -38,7 +38,7 @@ from upright.plants.ros2 import (
     STATUS,
     Ros2,
 )
-from upright.plants.urdf import HINGE, SLIDER
+from upright.plants.ros2_messages import Joints
 
 QOS = QoSProfile(depth=10)
 """Reliable, which any subscriber accepts."""
@@ -151,13 +151,12 @@ class Cart:
         self._stamp = -1  # of the newest measurement [ns]
         self._since = -1  # of the newest one before the trial
         self._has_status, self._done, self._fault = False, True, ""
-        self._names: list[str] = []
-        self._slider, self._hinge = 0, 1
+        self._joints = Joints()
         self._command = Float64MultiArray(data=[0.0])
         self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
         # The status first: of two that have a message, some executors turn to the first.
         node.create_subscription(String, STATUS, self._on_status, QOS)
-        node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD)
+        node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD, raw=True)
         self._reset = node.create_client(Trigger, RESET)
         self._set = node.create_client(SetParameters, f"{SIMULATOR}/set_parameters")
         self._executor = make_executor(node.context)
@@ -292,23 +291,17 @@ class Cart:
                 raise KeyboardInterrupt from None
         return True
 
-    def _on_state(self, message: JointState) -> None:
-        if message.name != self._names:
-            self._names = list(message.name)
-            try:
-                self._slider, self._hinge = map(self._names.index, (SLIDER, HINGE))
-            except ValueError:
-                self._names = []  # measurements of other joints
-                return
-        places, speeds = message.position, message.velocity
-        state = State(
-            places[self._slider], speeds[self._slider], places[self._hinge], speeds[self._hinge]
-        )
-        if not math.isfinite(sum(state)):
-            self._fault = f"{FAULT}{JOINT_STATES} holds {state}"
-        self._state = state
-        stamp = message.header.stamp
-        self._stamp = stamp.sec * 10**9 + stamp.nanosec
+    def _on_state(self, raw: bytes) -> None:
+        try:
+            measured = self._joints.read(raw)
+        except UprightError as error:
+            self._fault = f"{FAULT}{error}"
+            return
+        if measured is None:
+            return
+        self._stamp, self._state = measured
+        if not math.isfinite(sum(self._state)):
+            self._fault = f"{FAULT}{JOINT_STATES} holds {self._state}"
 
     def _on_status(self, message: String) -> None:
         self._has_status = True
