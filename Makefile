@@ -52,6 +52,7 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md
 	$(BIN)/python benchmarks/environments.py --output docs/environment.md
 	$(BIN)/python benchmarks/matlab.py --output docs/matlab.md
+	$(BIN)/python benchmarks/ros2.py --output docs/ros2.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -31,3 +31,19 @@ def test_c_observes_what_the_vector_environment_observes():
     for name in ("upright", "C", "upright, gaussian-0.2", "Gymnasium"):
         assert f"\n| {name} | " in result.stdout
     assert "Python takes" in result.stdout
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("rclpy"), reason="ROS 2 is not installed")
+def test_learning_over_ros_2_is_measured():
+    """The script refuses to time trials that are not those of the equations."""
+    options = ["--steps", "300", "--rounds", "1", "--periods", "60"]
+    command = [sys.executable, BENCHMARKS / "ros2.py", *options]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    for text in (
+        "| equations | ",
+        "| mujoco | ",
+        "| in all | ",
+        "Real time, 1 s: the pole stayed up",
+    ):
+        assert text in result.stdout

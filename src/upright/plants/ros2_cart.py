@@ -43,7 +43,7 @@ from upright.plants.ros2_messages import Joints
 QOS = QoSProfile(depth=10)
 """Reliable, which any subscriber accepts."""
 HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""For what comes every period: to acknowledge it would take a quarter of the time."""
+"""For what comes every period: to acknowledge it would take a fifth of the time."""
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For a word that is said once: who comes later may hear it, too."""
 POLL = 0.05

@@ -1,0 +1,226 @@
+"""How fast is learning over ROS 2, in lock-step and by the wall clock? Both sides are processes.
+
+Lock-step: an agent learns on a simulator in another process until a trial balances, and must make
+the trials that it makes on the equations without ROS 2. Real time: a policy balances 50 times a
+second; how late periods end and commands come is measured by the simulator.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from speed import machine, make_parser, put
+from std_msgs.msg import Float64MultiArray
+
+from upright import trials
+from upright.cartpole import Parameters, State, equations
+from upright.noise import Noise, disturb, measure
+from upright.plants.ros2 import Ros2
+from upright.plants.ros2_messages import Joints, read_numbers
+from upright.plants.urdf import HINGE, SLIDER
+from upright.store import Result
+from upright.study import make_case, make_run, random_numbers
+
+COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
+REAL_TIME = 1 / Parameters().time_step
+"""Control steps in a second of the cart-pole's own time."""
+
+
+@contextmanager
+def simulator(*options: str) -> Iterator[list[str]]:
+    """Run a simulator, and give a list that holds what it told once it has ended."""
+    told: list[str] = []
+    command = [*COMMAND, "ros2", "simulate", *options]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout
+        if not process.stdout.readline():
+            raise SystemExit(process.communicate()[1])
+        yield told
+        process.terminate()
+        told.append(process.communicate()[1])
+
+
+def learn(steps: int, rounds: int, plant: str) -> list[Result]:
+    """Learn in lock-step, each round with another seed."""
+    case = make_case("reinforce", steps=steps, plant=Ros2())
+    alone = make_case("reinforce", steps=steps)
+    results = []
+    with simulator("--plant", plant):
+        for seed in range(rounds):
+            _, result = make_run(case, seed, 0)
+            _, expected = make_run(alone, seed, 0)
+            assert result
+            assert expected
+            if plant == "equations" and result.lengths.tolist() != expected.lengths.tolist():
+                raise SystemExit("over ROS 2 there were other trials than on the equations")
+            print(f"{plant}, seed {seed}: {result.seconds:.1f} s", file=sys.stderr)
+            results.append(result)
+    return results
+
+
+def lock_step(results: dict[str, list[Result]]) -> str:
+    """Return a table of how fast agents learned."""
+    lines = [
+        "| the simulator's plant | control steps a second | times real time | a whole run |",
+        "|---|---|---|---|",
+    ]
+    for plant, runs in results.items():
+        rate = median(rates(runs))
+        seconds = median(result.seconds for result in runs)
+        lines.append(f"| {plant} | {rate:,.0f} | {rate / REAL_TIME:.0f} | {seconds:.1f} s |")
+    return "\n".join(lines)
+
+
+def rates(runs: list[Result]) -> list[float]:
+    """Return the control steps a second of each run."""
+    return [result.lengths.sum() / result.seconds for result in runs]
+
+
+class Part(NamedTuple):
+    """What a control step consists of."""
+
+    name: str
+    microseconds: float
+
+
+def parts(total: float) -> list[Part]:
+    """Return what takes time in a control step of so many microseconds, each measured alone."""
+    state, joints = State(0.0, 0.0, 0.01, 0.0), Joints()
+    measured = JointState(name=[SLIDER, HINGE], position=[0.0, 0.0], velocity=[0.0, 0.0])
+    measured.effort = [10.0, 0.0]
+    command = Float64MultiArray(data=[10.0])
+    answer, order = serialize_message(measured), serialize_message(command)
+    plant, noise, rng = equations(), Noise(), np.random.default_rng(0)
+    plant.reset(state)
+
+    def move() -> None:
+        measure(noise, plant.step(disturb(noise, 0.0, rng)), rng)
+        plant.reset(state)
+
+    def messages() -> None:
+        serialize_message(command)
+        read_numbers(order)
+        serialize_message(measured)
+        joints.read(answer)
+
+    found = [
+        Part("the agent and the loop", agent_alone()),
+        Part("the plant and its noise", alone(move)),
+        Part("to make and read two messages", alone(messages)),
+    ]
+    rest = total - sum(part.microseconds for part in found)
+    return [*found, Part("to send them (DDS), wake threads and run callbacks (rclpy)", rest)]
+
+
+def alone(work: Callable[[], Any], repetitions: int = 5_000) -> float:
+    """Return how long it takes [µs]."""
+    began = time.perf_counter()
+    for _ in range(repetitions):
+        work()
+    return (time.perf_counter() - began) / repetitions * 1e6
+
+
+def agent_alone() -> float:
+    """Return how long an agent and the loop take for a step of an idle plant [µs]."""
+    case = make_case("reinforce", steps=500, trials=20)
+    rng = random_numbers(0, 0)
+    agent, lengths, stop = case.settings.agent(rng), np.zeros(20, np.int64), np.zeros(1, np.bool_)
+    make = partial(trials.bound_run, agent, Idle(), stop=stop, rng=rng)
+    make(task=case.task()._replace(trials=0), lengths=lengths)  # compiles
+    began = time.perf_counter()
+    make(task=case.task(), lengths=lengths)
+    return (time.perf_counter() - began) / lengths.sum() * 1e6
+
+
+class Idle:
+    """A plant that stays where it is, and falls at the 300th step."""
+
+    def __init__(self) -> None:
+        self.state, self.steps = State(0.0, 0.0, 0.01, 0.0), 0
+
+    def reset(self, _: State) -> State:
+        """Begin to count steps."""
+        self.steps = 0
+        return self.state
+
+    def step(self, _: float) -> State:
+        """Count a step."""
+        self.steps += 1
+        return self.state
+
+    def has_fallen(self, _: State) -> bool:
+        """Whether it is time to fall."""
+        return self.steps >= 300
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def table_of(found: list[Part]) -> str:
+    """Return a table of where the time goes."""
+    total = sum(part.microseconds for part in found)
+    lines = ["| of a control step | µs | |", "|---|---|---|"]
+    lines += [f"| {name} | {time:.0f} | {time / total:.0%} |" for name, time in found]
+    return "\n".join([*lines, f"| in all | {total:.0f} | |"])
+
+
+def real_time(steps: int) -> str:
+    """Have a policy balance by the wall clock, and return how punctual that was."""
+    with tempfile.TemporaryDirectory() as folder:
+        policy = f"{folder}/policy.npz"
+        upright("learn", "adaptive-lqr", "--quiet", "--save", policy)
+        with simulator("--no-lock-step") as told:
+            out = upright("ros2", "learn", "--policy", policy, "--steps", str(steps))
+    if f"trial    1 {steps:9,d} steps" not in out:
+        raise SystemExit(f"the pole fell in real time:\n{out}")
+    found = re.search(r"[\d,]+ periods, .* \(p99\)", told[0])
+    if not found:
+        raise SystemExit(f"the simulator did not tell how punctual it was:\n{told[0]}")
+    return f"Real time, {steps / REAL_TIME:.0f} s: the pole stayed up; {found[0]}."
+
+
+def upright(*arguments: str) -> str:
+    """Run the command in a process of its own, and return what it printed."""
+    done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(done.stderr)
+    return done.stdout
+
+
+def main() -> None:
+    """Measure, and write the tables."""
+    parser = make_parser(__doc__, "docs/ros2.md")
+    parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
+    parser.add_argument("--rounds", type=int, default=3, help="runs each (default 3)")
+    parser.add_argument(
+        "--periods", type=int, default=3_000, help="of the wall clock (default 3,000: a minute)"
+    )
+    arguments = parser.parse_args()
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    results = {
+        plant: learn(arguments.steps, arguments.rounds, plant) for plant in ("equations", "mujoco")
+    }
+    total = 1e6 / median(rates(results["equations"]))
+    text = (
+        f"{lock_step(results)}\n\n{table_of(parts(total))}\n\n{real_time(arguments.periods)}\n\n"
+        f"reinforce, default settings, noise-free, N = {arguments.steps:,}; medians of "
+        f"{arguments.rounds} runs, learning included. Two processes, each message through DDS.\n"
+        f"{machine()}.\n"
+    )
+    put(text, arguments.output)
+
+
+if __name__ == "__main__":
+    main()
