@@ -646,7 +646,8 @@ def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
         default = getattr(kind, name)
         if name in without or isinstance(default, tuple):
             continue
-        flag, described = f"--{name.replace('_', '-')}", f"{text} (default {default})"
+        flag = f"--{name.replace('_', '-')}"
+        described = text if default == "" else f"{text} (default {default})"
         form: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
         if isinstance(default, bool):
             form = {"action": argparse.BooleanOptionalAction}

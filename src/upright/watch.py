@@ -124,10 +124,11 @@ def _ending(case: Case, result: Result) -> str:
     if not result.success:
         longest = int(result.lengths.max())
         return f"not balanced within {result.trials:,} trials; the longest was {longest:,} steps"
-    simulated = case.steps * case.task().parameters.time_step / 60
+    simulated = case.steps * case.task().parameters.time_step
+    time = f"{simulated / 60:,.0f} minutes" if simulated >= 120 else f"{simulated:,.0f} seconds"
     return (
-        f"balanced at trial {result.trials}: {case.steps:,} steps, {simulated:,.0f} minutes of "
-        f"simulated time; the run took {result.seconds:.2f} s"
+        f"balanced at trial {result.trials}: {case.steps:,} steps, {time} of simulated time; the run "
+        f"took {result.seconds:.2f} s"
     )
 
 
