@@ -127,8 +127,8 @@ def _ending(case: Case, result: Result) -> str:
     simulated = case.steps * case.task().parameters.time_step
     time = f"{simulated / 60:,.0f} minutes" if simulated >= 120 else f"{simulated:,.0f} seconds"
     return (
-        f"balanced at trial {result.trials}: {case.steps:,} steps, {time} of simulated time; the run "
-        f"took {result.seconds:.2f} s"
+        f"balanced at trial {result.trials}: {case.steps:,} steps, {time} of simulated time; the "
+        f"run took {result.seconds:.2f} s"
     )
 
 
