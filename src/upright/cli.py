@@ -105,6 +105,7 @@ examples:
         _add_tune,
         _add_matlab,
         _add_ros2,
+        _add_gazebo,
     ):
         add(commands)
     return parser
@@ -638,6 +639,48 @@ exit status: 0 if it balanced, 1 if not, 2 if something is not possible, 130 if 
     parser.set_defaults(command=ros2_demo)
 
 
+def _add_gazebo(commands: "argparse._SubParsersAction[Parser]") -> None:
+    parser = _command(
+        commands,
+        "gazebo",
+        "the robot simulator Gazebo 11: bring it, and see whether it runs",
+        """\
+examples:
+  upright gazebo install                 bring Gazebo 11 and build the plugin that steps it
+  upright gazebo doctor                  what is there, and what is missing
+""",
+    )
+    parts = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser = _command(
+        parts,
+        "install",
+        "bring Gazebo 11, without root, and build the plugin that steps it",
+        """\
+A Gazebo 11 that is on the path is used. Else Debian's packages are unpacked into a folder of your
+own (the variable UPRIGHT_GAZEBO names another); nothing on the machine changes. Interrupted, it
+goes on where it stopped. It needs cmake, g++, apt-get and dpkg-deb.
+examples:
+  upright gazebo install
+  upright gazebo install --mirror https://mirror.example/debian
+  upright gazebo install --remove
+""",
+    )
+    parser.add_argument(
+        "--mirror", metavar="URL", help="a mirror of Debian's archive (default: the machine's)"
+    )
+    parser.add_argument(
+        "--remove", action="store_true", help="remove what was brought and built instead"
+    )
+    parser.set_defaults(command=gazebo_install)
+    parser = _command(
+        parts,
+        "doctor",
+        "tell what is there of Gazebo and what it needs, and how to get the rest",
+        "exit status: 0 if Gazebo and its plugin are there and it runs, 1 if not.\n",
+    )
+    parser.set_defaults(command=gazebo_doctor)
+
+
 def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
     """Add an option for each setting; those not given are absent from what is parsed."""
     from upright.settings import describe_settings
@@ -695,6 +738,29 @@ def ros2_demo(options: argparse.Namespace) -> int:
 
     simulated = _given(options, settings.SimulatorSettings)
     return demo.main(simulated, _given(options, settings.LearnerSettings))
+
+
+def gazebo_install(options: argparse.Namespace) -> int:
+    """Carry out `upright gazebo install`."""
+    from upright.gazebo.installer import install, remove, size
+
+    if options.remove:
+        print(f"freed: {size(remove())}")
+        return 0
+    found = install(options.mirror)
+    print(f"Gazebo {found.version}: {found.server}")
+    print(f"plugin: {found.plugin}")
+    return 0
+
+
+def gazebo_doctor(_options: argparse.Namespace) -> int:
+    """Carry out `upright gazebo doctor`."""
+    from upright.gazebo.doctor import examine
+
+    things = examine()
+    for thing in things:
+        print(thing)
+    return 0 if all(thing.found for thing in things if thing.needed) else FAILED
 
 
 def learn(options: argparse.Namespace) -> int:

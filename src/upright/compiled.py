@@ -22,7 +22,7 @@ import numba
 from numba import types
 from numba.extending import overload_method
 
-from upright.files import digest
+from upright.files import digest, user_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -42,9 +42,10 @@ def sources_hash(*names: str) -> str:
 
 def _cache_folder() -> str:
     """Return the first folder for machine code that can be written, named after the sources."""
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    candidates = (Path(base).expanduser(), Path(tempfile.gettempdir()))
-    for folder in (root / "upright" / f"kernels-{sources_hash()}" for root in candidates):
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    usual = Path(chosen).expanduser() / "upright" if chosen else user_cache()
+    candidates = (usual, Path(tempfile.gettempdir()) / "upright")
+    for folder in (root / f"kernels-{sources_hash()}" for root in candidates):
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:

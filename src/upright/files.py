@@ -18,6 +18,11 @@ def digest(paths: Iterable[Path], folder: Path) -> str:
     return whole.hexdigest()[:12]
 
 
+def user_cache() -> Path:
+    """Return the folder for what can be made or fetched again; it need not exist yet."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "upright"
+
+
 def check_output(path: Path | str) -> Path:
     """Return the path of a file to be written later, having made sure that it can be.
 
