@@ -13,7 +13,7 @@ from upright.gazebo.installation import (
 )
 from upright.gazebo.installer import PACKAGED, SPARE, machine_mirror, size
 
-ROOM = 1_500_000_000
+ROOM = 1_300_000_000
 """Bytes that an installation needs at most: the downloaded packages, and what is in them."""
 TOOLS = {
     "c++": "to build the plugin",

@@ -179,6 +179,7 @@ def environment(prefix: Path | None, plugins: Path | None) -> dict[str, str]:
         "GAZEBO_MODEL_PATH": _joined("GAZEBO_MODEL_PATH", share / "models"),
         "OGRE_RESOURCE_PATH": str(libraries / "OGRE-1.9.0"),
         "LIBGL_DRIVERS_PATH": str(libraries / "dri"),
+        "FONTCONFIG_SYSROOT": str(prefix),
         "XKB_CONFIG_ROOT": str(usr / "share/X11/xkb"),
     }
 

@@ -106,13 +106,13 @@ def install(mirror: str | None = None) -> Installation:
     if mirror is not None:
         check_mirror(mirror)
     with _alone():
-        require_programs("cmake", "make", "c++")
         program = find_program()
-        if program is None:
-            bring(mirror or machine_mirror())
-            program = find_program()
-            assert program is not None
-        if not program.plugin.is_file():
+        if program is None or not program.plugin.is_file():
+            require_programs("cmake", "make", "c++")  # rather now than after the download
+            if program is None:
+                bring(mirror or machine_mirror())
+                program = find_program()
+                assert program is not None
             build(program)
     find_gazebo.cache_clear()
     return find_gazebo()
@@ -133,7 +133,7 @@ def remove() -> int:
     with _alone():
         for path in [folder / name for name in OURS] + [*folder.glob("build-*")]:
             if path.is_dir():
-                freed += sum(part.lstat().st_blocks * 512 for part in path.rglob("*"))
+                freed += _room_of(path)
                 shutil.rmtree(path)
             else:
                 path.unlink(missing_ok=True)
@@ -141,6 +141,12 @@ def remove() -> int:
         folder.rmdir()  # fails if something else lies there, which then stays
     find_gazebo.cache_clear()
     return freed
+
+
+def _room_of(folder: Path) -> int:
+    """Return the bytes on the disk that a folder's files take; those with two names count once."""
+    files = (path.lstat() for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    return int(sum(file.st_blocks * 512 / file.st_nlink for file in files))
 
 
 @contextmanager
@@ -199,7 +205,8 @@ def bring(mirror: str) -> None:
     unpacked = sum(package.unpacked for package in fresh)
     print(
         f"Gazebo 11: {len(packages)} packages, {size(download)} to download, "
-        f"{size(sum(package.unpacked for package in packages))} on disk"
+        f"{size(sum(package.unpacked for package in packages))} on disk",
+        flush=True,
     )
     check_room(download + unpacked)
     apt.download(missing)
@@ -267,6 +274,7 @@ Dir::Etc::preferencesparts "/dev/null";
 APT::Architecture "amd64";
 APT::Architectures {{ "amd64"; }};
 APT::Install-Recommends "false";
+APT::Install-Suggests "false";
 APT::Sandbox::User "root"; // apt's own user cannot enter this folder
 APT::Update::Error-Mode "any";
 Acquire::Languages "none";
@@ -280,9 +288,10 @@ Acquire::Retries "3";
         try:
             self._said("apt-get", "update")
         except UprightError as error:
+            keys = "" if find_keyring() else ", or apt-get install debian-archive-keyring"
             raise UprightError(
                 f"{error}; is there a network, and has the mirror Debian's suite {SUITE}? "
-                "--mirror names another"
+                f"--mirror names another{keys}"
             ) from None
 
     def plan(self) -> list[Package]:
@@ -525,7 +534,7 @@ def build(program: Program) -> None:
             "the headers of this machine's Gazebo 11 are missing: apt-get install libgazebo-dev "
             "(libgazebo11-dev, if Gazebo's makers packaged it)"
         )
-    print("building the plugin")
+    print("building the plugin", flush=True)
     plugin = program.plugin
     plugin.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="build-", dir=private_folder()) as place:
