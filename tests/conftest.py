@@ -1,12 +1,44 @@
 """Settings for all tests."""
 
 import os
+from collections.abc import Callable
+from typing import NamedTuple
 
 import pytest
 from hypothesis import settings
 from octave import IS_THERE
 
+from upright.errors import UprightError
+from upright.gazebo.installation import find_gazebo
 from upright.store import Store
+
+
+class Program(NamedTuple):
+    """A program that some tests need, those with the marker of its name."""
+
+    title: str
+    demand: str
+    """Environment variable by which its tests are demanded."""
+    installer: str
+    is_there: Callable[[], bool]
+
+    def is_wanted(self):
+        return os.environ.get(self.demand) or self.is_there()
+
+
+def has_gazebo():
+    try:
+        return bool(find_gazebo())
+    except UprightError:
+        return False
+
+
+PROGRAMS = {
+    "octave": Program(
+        "GNU Octave", "UPRIGHT_REQUIRE_OCTAVE", "matlab/install-octave.sh", lambda: IS_THERE
+    ),
+    "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
+}
 
 # The same examples every time, and no deadline: the first call of a kernel compiles it.
 settings.register_profile("upright", deadline=None, derandomize=True, database=None)
@@ -29,21 +61,20 @@ def _close_stores(monkeypatch):
         store.close()
 
 
-def pytest_collection_modifyitems(config, items):
-    """Skip what needs Octave where it is missing, unless its tests are demanded."""
-    if IS_THERE or os.environ.get("UPRIGHT_REQUIRE_OCTAVE"):
-        return
+def pytest_collection_modifyitems(items):
+    """Skip what needs a program that is missing, unless its tests are demanded."""
+    missing = [name for name, program in PROGRAMS.items() if not program.is_wanted()]
     for item in items:
-        if item.get_closest_marker("octave"):
-            item.add_marker(pytest.mark.skip(reason="GNU Octave is missing"))
+        for name in missing:
+            if item.get_closest_marker(name):
+                item.add_marker(pytest.mark.skip(reason=f"{PROGRAMS[name].title} is missing"))
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Say loudly that the MATLAB twin was not tested."""
-    skipped = terminalreporter.stats.get("skipped", [])
-    count = sum("GNU Octave is missing" in str(report.longrepr) for report in skipped)
-    if count:
-        terminalreporter.section("GNU OCTAVE IS MISSING", red=True, bold=True)
-        terminalreporter.line(
-            f"{count} tests of the MATLAB twin were NOT run; matlab/install-octave.sh installs it"
-        )
+    """Say loudly what was not tested."""
+    reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
+    for program in PROGRAMS.values():
+        missing = f"{program.title} is missing"
+        if count := sum(missing in reason for reason in reasons):
+            terminalreporter.section(missing.upper(), red=True, bold=True)
+            terminalreporter.line(f"{count} tests were NOT run; {program.installer} installs it")

@@ -251,7 +251,7 @@ def test_every_argument_has_a_description_and_a_default(launch_file):
 
 def test_arguments_are_parameters_of_the_nodes(launch_file):
     arguments = keys(launch_file, "ARGUMENTS")
-    assert arguments == {"plant", "agent", "noise", "seed", "lock_step", "policy"}
+    assert arguments == {"plant", "gui", "agent", "noise", "seed", "lock_step", "policy"}
     for name in arguments:
         values = [getattr(node, name) for node in NODES.values() if hasattr(node, name)]
         assert values, name

@@ -18,7 +18,8 @@ from upright_ros.settings import LearnerSettings, SimulatorSettings
 
 SHARE = Path(__file__).parents[1]
 ARGUMENTS = {
-    "plant": "the body: equations or mujoco",
+    "plant": "the body: equations, mujoco or gazebo",
+    "gui": "true: the plant's own window is opened; gazebo has one",
     "noise": "noise case: what disturbs forces and measurements",
     "lock_step": "true: each command moves the cart by one period; false: the wall clock does",
     "agent": "who learns: one of `upright agents`, or module:name",

@@ -23,9 +23,11 @@ class SimulatorSettings:
     """What can be set of the simulator."""
 
     plant: str = "equations"
-    """The body: equations or mujoco."""
+    """The body: equations, mujoco or gazebo."""
     plant_set: str = ""
     """Settings of the plant, NAME=VALUE with commas between (see upright plants)."""
+    gui: bool = False
+    """Whether the plant's own window is opened; gazebo has one."""
     noise: str = "none"
     """Noise case: what disturbs forces and measurements."""
     start: str = "random"
@@ -60,6 +62,7 @@ class SimulatorSettings:
     def body(self) -> PlantSettings:
         """Return the settings of the plant."""
         changes = [part for part in self.plant_set.split(",") if part.strip()]
+        changes += ["gui=True"] * self.gui
         return change_settings(default_plant(self.plant), dict(pairs("plant_set", changes)))
 
     def task(self) -> "Task":

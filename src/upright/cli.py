@@ -187,7 +187,7 @@ SHARED: dict[str, dict[str, Any]] = {
     "--plant": {
         "default": "equations",
         "metavar": "NAME",
-        "help": "the body: equations (default), mujoco, or ros2, a cart on ROS 2's topics",
+        "help": "the body: equations (default), mujoco, gazebo, or ros2, a cart on ROS 2's topics",
     },
     "--plant-set": {
         "action": "append",
@@ -648,6 +648,8 @@ def _add_gazebo(commands: "argparse._SubParsersAction[Parser]") -> None:
 examples:
   upright gazebo install                 bring Gazebo 11 and build the plugin that steps it
   upright gazebo doctor                  what is there, and what is missing
+  upright learn reinforce --plant gazebo
+  upright gazebo view policy.npz         its own window
 """,
     )
     parts = parser.add_subparsers(metavar="COMMAND", required=True)
@@ -679,6 +681,24 @@ examples:
         "exit status: 0 if Gazebo and its plugin are there and it runs, 1 if not.\n",
     )
     parser.set_defaults(command=gazebo_doctor)
+    parser = _command(
+        parts,
+        "view",
+        "let a saved policy balance in Gazebo's window, in real time",
+        """\
+examples:
+  upright gazebo view policy.npz
+  upright gazebo view policy.npz --noise gaussian-0.2 --steps 500
+  upright gazebo view policy.npz --screenshot gazebo.png   without a display; it needs Xvfb
+exit status: 0 if the pole stayed up, 1 if it fell, 2 if something asked for is not possible.
+""",
+    )
+    parser.add_argument("policy", metavar="POLICY", help="a policy saved by learn --save")
+    parser.add_argument("--noise", metavar="NAME", help="another noise")
+    parser.add_argument("--steps", **_whole(3_000, "the trial lasts so many steps at most"))
+    _add_shared(parser, "--seed", "--agent")
+    parser.add_argument("--screenshot", metavar="FILE", help="write a picture of the window there")
+    parser.set_defaults(command=gazebo_view)
 
 
 def _add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
@@ -761,6 +781,29 @@ def gazebo_doctor(_options: argparse.Namespace) -> int:
     for thing in things:
         print(thing)
     return 0 if all(thing.found for thing in things if thing.needed) else FAILED
+
+
+def gazebo_view(options: argparse.Namespace) -> int:
+    """Carry out `upright gazebo view`."""
+    from upright.files import check_output
+    from upright.gazebo.view import photograph
+    from upright.plants.gazebo import Gazebo
+    from upright.play import case_for
+    from upright.policy import load_policy
+    from upright.study import check_study
+    from upright.watch import watch_play
+
+    check_study(1, options.seed)
+    policy = load_policy(options.policy, options.agent)
+    changes = {"steps": options.steps, "integrator": "euler"}
+    changes |= {"noise": options.noise} if options.noise else {}
+    case = case_for(policy, plant=Gazebo(gui=True, real_time_factor=1.0), **changes)
+    if options.screenshot:
+        photograph(policy, case, options.seed, check_output(options.screenshot))
+        print(f"picture: {options.screenshot}")
+        return 0
+    played = watch_play(policy, case, 1, options.seed)
+    return 0 if all(trial.balanced for trial in played) else FAILED
 
 
 def learn(options: argparse.Namespace) -> int:

@@ -1,1 +1,1 @@
-"""Gazebo 11, the robot simulator: bringing it onto a machine, and finding it there."""
+"""Gazebo 11, the robot simulator: bringing it, its server in lock-step, and its window."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 PLANTS = {
     "equations": "upright.plants.equations",
     "mujoco": "upright.plants.mujoco",
+    "gazebo": "upright.plants.gazebo",
     "ros2": "upright.plants.ros2",
 }
 """Every plant, and the module that makes it."""

@@ -27,6 +27,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from upright.cartpole import Parameters, State, has_fallen
+from upright.cores import share_core
 from upright.errors import UprightError
 from upright.plants.ros2 import (
     BALANCING,
@@ -68,24 +69,6 @@ def make_executor(context: rclpy.Context) -> Executor:
 
 
 @contextmanager
-def share_core(context: rclpy.Context) -> Iterator[None]:
-    """Keep this thread, and those it starts, on a core that the ROS domain determines.
-
-    In lock-step one process waits while the other works. To wake one that is on the same core takes
-    two thirds of the time.
-    """
-    if not hasattr(os, "sched_setaffinity"):  # it is Linux that has it
-        yield
-        return
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {sorted(cores)[context.get_domain_id() % len(cores)]})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
-
-
-@contextmanager
 def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterator[Node]:
     """Give a node of this name, and end it. It hears this machine alone, unless told otherwise.
 
@@ -103,7 +86,7 @@ def new_node(name: str, given: Given, arguments: Sequence[str] | None) -> Iterat
     rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
     with ExitStack() as opened:
         opened.callback(context.try_shutdown)
-        opened.enter_context(share_core(context))
+        opened.enter_context(share_core(context.get_domain_id()))  # the other side's, too
         overrides = [Parameter(key, value=value) for key, value in given.items()]
         node = Node(name, context=context, parameter_overrides=overrides)
         opened.callback(node.destroy_node)  # else others count it for a while

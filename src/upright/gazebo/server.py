@@ -1,0 +1,243 @@
+"""A Gazebo server for one cart-pole, that moves when it is told to (`gazebo/stepper.cc`)."""
+
+import os
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from contextlib import ExitStack, suppress
+from itertools import count
+from pathlib import Path
+from shutil import rmtree
+from xml.etree import ElementTree
+
+import numpy as np
+
+from upright.cartpole import Parameters, State
+from upright.cores import share_core
+from upright.errors import UprightError
+from upright.gazebo.installation import find_gazebo, sources
+from upright.plants import urdf
+
+STEP, RESET = 0, 1
+REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
+"""As the plugin has them: kind, physics steps and values; a state."""
+STARTING = 60.0
+"""How long a server may take to start [s]."""
+ANSWERING = 10.0
+"""How long it may take to answer [s]."""
+ENDING = 5.0
+"""How long it may take to end [s]."""
+POLL = 0.1
+"""How often to look whether a start was given up [s]."""
+CONFIG = """\
+<model>
+  <name>cartpole</name>
+  <version>1.0</version>
+  <sdf>cartpole.urdf</sdf>
+</model>
+"""
+"""What makes a folder with a URDF a model of Gazebo."""
+
+
+WINDOW = """\
+[geometry]
+x=0
+y=0
+width=1280
+height=720
+"""
+"""Place and size of gzclient's window [pixels]."""
+
+
+_numbers = count(os.getpid())
+
+
+class ServerGoneError(Exception):
+    """The server ended, or does not answer."""
+
+
+class Server:
+    """A process of gzserver, and the socket by which it is moved.
+
+    Server and thread stay on one core, until the same thread closes the server.
+
+    Parameters
+    ----------
+    parameters
+        Of the plant.
+    engine
+        Name of Gazebo's physics engine.
+    physics_step
+        Its time step [s].
+    gui
+        Whether gzclient shows what happens.
+    stop
+        Shape (1,), bool. Once it is set, a start is given up by KeyboardInterrupt.
+
+    Raises
+    ------
+    UprightError
+        If Gazebo is missing or does not start, or there is no display for its window.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        engine: str,
+        physics_step: float,
+        gui: bool,
+        stop: np.ndarray,
+    ) -> None:
+        gazebo = find_gazebo()
+        if gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise UprightError(
+                "there is no display for Gazebo's window (DISPLAY is not set); `upright gazebo "
+                "view POLICY --screenshot FILE.png` makes a picture without one"
+            )
+        with ExitStack() as opened:
+            if not gui:  # to draw takes a core of its own
+                opened.enter_context(share_core(next(_numbers)))
+            folder = Path(tempfile.mkdtemp(prefix="upright-gazebo-"))
+            opened.callback(rmtree, folder, ignore_errors=True)
+            listener = opened.enter_context(socket.socket(socket.AF_UNIX))
+            address = folder / "socket"
+            try:
+                listener.bind(str(address))
+            except OSError as error:
+                raise UprightError(f"no socket can be made at {address}: {error}") from error
+            listener.listen(1)
+            listener.settimeout(POLL)
+            _write_model(folder / "models" / "cartpole", parameters)
+            world = _write_world(folder, parameters, engine, physics_step)
+            self._log = folder / "log.txt"
+            self._environment = _environment(gazebo.environment, folder)
+            # Else it wakes a thread in each physics step, to tell of contacts to nobody.
+            quiet = [] if gui else ["--minimal_comms"]
+            self._process = self._start([str(gazebo.server), "--verbose", *quiet, str(world)])
+            opened.callback(_end, self._process)
+            self._socket = opened.enter_context(self._accept(listener, stop))
+            self._socket.settimeout(ANSWERING)
+            if gui:
+                opened.callback(_end, self._start([str(gazebo.client)]))
+            self._closing = opened.pop_all()
+
+    def ask(self, kind: int, steps: int, values: State) -> State:
+        """Have a request done, and return the state then.
+
+        Raises
+        ------
+        ServerGoneError
+            If it is not done.
+        """
+        try:
+            self._socket.sendall(REQUEST.pack(kind, steps, *values))
+            answer = self._socket.recv(ANSWER.size, socket.MSG_WAITALL)
+        except OSError as error:
+            raise ServerGoneError(f"gzserver does not answer: {error}") from error
+        if len(answer) < ANSWER.size:
+            raise ServerGoneError(f"gzserver has ended{self._last_words()}")
+        return State(*ANSWER.unpack(answer))
+
+    def close(self) -> None:
+        """End the server, and remove its files."""
+        self._closing.close()
+
+    def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
+        """Start a program, out of reach of a Ctrl-C meant for this one."""
+        with self._log.open("ab") as log:
+            return subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def _accept(self, listener: socket.socket, stop: np.ndarray) -> socket.socket:
+        """Wait until the plugin connects."""
+        until = time.monotonic() + STARTING
+        while time.monotonic() < until:
+            with suppress(TimeoutError):
+                return listener.accept()[0]
+            if stop[0]:
+                raise KeyboardInterrupt
+            if self._process.poll() is not None:
+                raise UprightError(f"gzserver ended as it started{self._last_words()}")
+        raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")
+
+    def _last_words(self) -> str:
+        """Return what the log ends with."""
+        with suppress(OSError):
+            lines = self._log.read_text(errors="replace").splitlines()
+            if words := [line for line in lines if line.strip()][-3:]:
+                return f": {' / '.join(words)}"
+        return ""
+
+
+def _write_model(folder: Path, parameters: Parameters) -> None:
+    """Write the URDF with its colours as Gazebo knows them, which leaves out those of URDFs."""
+    folder.mkdir(parents=True)
+    (folder / "model.config").write_text(CONFIG, encoding="utf-8")
+    robot = ElementTree.fromstring(urdf.text(parameters))
+    colours = {
+        material.get("name"): color.get("rgba", "")
+        for material in robot.iterfind("material")
+        for color in material.iterfind("color")
+    }
+    for link in robot.findall("link"):
+        for material in link.iterfind("visual/material"):
+            gazebo = ElementTree.SubElement(robot, "gazebo", reference=link.get("name", ""))
+            look = ElementTree.SubElement(ElementTree.SubElement(gazebo, "visual"), "material")
+            for name in ("ambient", "diffuse"):
+                ElementTree.SubElement(look, name).text = colours[material.get("name")]
+    ElementTree.ElementTree(robot).write(folder / "cartpole.urdf", encoding="utf-8")
+
+
+def _write_world(folder: Path, parameters: Parameters, engine: str, physics_step: float) -> Path:
+    """Write the world file with what differs from world to world, and return its path."""
+    tree = ElementTree.parse(sources() / "cartpole.world")
+    values = {
+        "world/gravity": f"0 0 {-parameters.gravity}",
+        "world/physics/max_step_size": f"{physics_step}",
+        "world/plugin/socket": str(folder / "socket"),
+    }
+    for place, value in values.items():
+        _find(tree, place).text = value
+    _find(tree, "world/physics").set("type", engine)
+    path = folder / "cartpole.world"
+    tree.write(path, encoding="utf-8", xml_declaration=True)
+    return path
+
+
+def _find(tree: "ElementTree.ElementTree[ElementTree.Element]", path: str) -> ElementTree.Element:
+    element = tree.find(path)
+    assert element is not None, path
+    return element
+
+
+def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:
+    """Return the environment of a server, which has a port and models of its own."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    models = os.pathsep.join(filter(None, [str(folder / "models"), given.get("GAZEBO_MODEL_PATH")]))
+    own = {"GAZEBO_MASTER_URI": f"http://127.0.0.1:{port}", "GAZEBO_IP": "127.0.0.1"}
+    (folder / "gui.ini").write_text(WINDOW, encoding="utf-8")
+    own |= {"GAZEBO_MODEL_PATH": models, "GAZEBO_GUI_INI_FILE": str(folder / "gui.ini")}
+    return os.environ | given | own
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process; the server ends by itself once its socket is closed."""
+    try:
+        process.wait(0.0 if process.poll() is not None else POLL)
+    except subprocess.TimeoutExpired:
+        process.terminate()
+        try:
+            process.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

@@ -1,0 +1,253 @@
+"""Real Gazebo, moved in lock-step."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+import pytest
+from helpers import PUSHES, FinePlant, trajectory
+from matplotlib.image import imread
+
+from upright.cartpole import Parameters, State
+from upright.cli import BAD_USE, INTERRUPTED, run
+from upright.errors import UprightError
+from upright.gazebo import server
+from upright.plants.gazebo import Gazebo
+from upright.study import make_case, make_run
+from upright.task import make_task
+
+pytestmark = pytest.mark.gazebo
+STATE = State(0.1, -0.2, 0.03, 0.4)
+ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
+"""A hundred times the friction, as in the condition friction-100."""
+COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
+LIMIT = 120
+"""No process takes longer [s]."""
+
+
+@pytest.fixture(autouse=True)
+def _none_is_left(monkeypatch, tmp_path_factory):
+    """Let servers work in a folder of their own, and see that all of them end."""
+    tmp_path_factory.getbasetemp()  # before there is another place for it
+    with tempfile.TemporaryDirectory(prefix="gazebo-") as folder:
+        monkeypatch.setenv("TMPDIR", folder)
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield
+        until = time.monotonic() + 10
+        while (left := running(f"gzserver.*{folder}")) and time.monotonic() < until:
+            time.sleep(0.1)
+        assert not left
+
+
+def running(pattern):
+    """Return the ids of the processes whose command line matches."""
+    return subprocess.run(["pgrep", "-f", pattern], capture_output=True, text=True).stdout.split()
+
+
+@pytest.fixture
+def make():
+    """Make a plant that is closed in the end."""
+    made = []
+
+    def make_one(settings=None, parameters=None):
+        task = make_task()
+        task = task._replace(parameters=parameters or task.parameters)
+        plant, left = (settings or Gazebo()).make(task, "none", 0, np.zeros(1, np.bool_))
+        assert left == task
+        made.append(plant)
+        return plant
+
+    yield make_one
+    for plant in made:
+        plant.close()
+
+
+@pytest.fixture
+def learner():
+    """Start a command that is killed in the end."""
+    started = []
+
+    def start(line):
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(
+            [*COMMAND, *line.split()], stdout=pipe, stderr=pipe, text=True, start_new_session=True
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate(timeout=LIMIT)
+
+
+# ---- The plant -----------------------------------------------------------------------------------
+
+
+def test_it_keeps_the_contract(make):
+    plant = make()
+    assert plant.reset(STATE) == STATE
+    first = [plant.step(10.0) for _ in range(3)]
+    assert first[-1].x_dot > STATE.x_dot + 0.3
+    assert not plant.has_fallen(first[0])
+    assert plant.has_fallen(STATE._replace(theta=0.3))
+    assert plant.reset(STATE) == STATE
+    assert [plant.step(10.0) for _ in range(3)] == first
+
+
+@pytest.mark.parametrize("parameters", [Parameters(), ROUGH], ids=["usual", "rough"])
+@pytest.mark.parametrize(
+    ("settings", "tolerance"),
+    [(Gazebo(), 6e-3), (Gazebo("ode"), 6e-3), (Gazebo(physics_step=0.0005), 3e-3)],
+    ids=["dart", "ode", "finer"],
+)
+def test_it_moves_as_the_equations(settings, tolerance, parameters, make):
+    """Gazebo's engines are of first order, so that the error halves with the time step."""
+    plant, exact = make(settings, parameters), FinePlant(parameters)
+    for forces in PUSHES.values():
+        error = np.abs(trajectory(plant, forces) - trajectory(exact, forces)).max()
+        assert error < tolerance
+
+
+def test_a_push_may_exceed_that_of_a_command(make):
+    """Noise adds to it."""
+    plant, exact = make(), FinePlant(Parameters())
+    plant.reset(STATE)
+    exact.reset(STATE)
+    assert plant.step(11.0).x_dot == pytest.approx(exact.step(11.0).x_dot, abs=1e-3)
+
+
+def test_two_move_at_once(make):
+    one, other = make(), make()
+    assert one.reset(STATE) == STATE
+    assert other.reset(STATE._replace(x=-1.0)).x == -1.0
+    assert one.step(10.0).x > 0
+    assert other.step(-10.0).x < -1
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("engine=bullet", "engine is 'bullet'; it must be one of dart, ode"),
+        ("engine=ode --plant-set physics_step=0.002", "with ODE it must be at most 0.001: in half"),
+        ("physics_step=0.003", "physics_step is 0.003; it must be the time step of 0.02 s divided"),
+    ],
+)
+def test_wrong_settings_are_refused(line, message, capsys):
+    assert run(f"learn random-search --plant gazebo --plant-set {line}".split()) == BAD_USE
+    assert message in capsys.readouterr().err
+
+
+# ---- Learning ------------------------------------------------------------------------------------
+
+
+def test_what_is_learned_there_balances_the_equations_and_the_reverse(tmp_path, capsys):
+    there, here = str(tmp_path / "there.npz"), str(tmp_path / "here.npz")
+    line = "learn adaptive-lqr --noise gaussian-0.1 --steps 3000 --quiet --save"
+    assert run([*line.split(), there, "--plant", "gazebo"]) == 0
+    assert run([*line.split(), here]) == 0
+    assert run(["play", there, "--episodes", "3", "--steps", "60000"]) == 0
+    assert run(["play", here, "--plant", "gazebo", "--episodes", "2", "--steps", "3000"]) == 0
+    assert "balanced in 2 of 2 trials" in capsys.readouterr().out
+
+
+def test_the_same_seed_makes_the_same_trials():
+    case = make_case("random-search", steps=200, trials=30, plant=Gazebo())
+    first, again = (make_run(case, 1, 0)[1].lengths.tolist() for _ in range(2))
+    assert first == again
+
+
+def test_the_simulator_of_ros_2_can_have_it(learner, monkeypatch):
+    pytest.importorskip("rclpy")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    process = learner("ros2 demo adaptive-lqr --plant gazebo --steps 500")
+    out, told = process.communicate(timeout=LIMIT)
+    assert process.returncode == 0, told
+    assert out.startswith("simulating gazebo in lock-step")
+    assert re.search(r"^trial +\d+ +500 steps", out, re.M)
+
+
+# ---- What goes wrong -----------------------------------------------------------------------------
+
+
+def test_a_trial_goes_on_when_its_server_is_killed(make, capsys):
+    plant = make()
+    plant.reset(STATE)
+    expected = [plant.step(force) for force in PUSHES["bang-bang"][:20]]
+    plant.reset(STATE)
+    states = []
+    for number, force in enumerate(PUSHES["bang-bang"][:20]):
+        if number == 10:
+            os.kill(plant._server._process.pid, signal.SIGKILL)
+        states.append(plant.step(force))
+    assert np.allclose(states, expected, atol=1e-9)
+    assert "it is started again" in capsys.readouterr().err
+
+
+def test_a_server_that_cannot_be_started_again_ends_the_run(make, monkeypatch):
+    plant = make()
+    plant.reset(STATE)
+
+    def none():
+        raise UprightError("Gazebo 11 is missing")
+
+    monkeypatch.setattr(server, "find_gazebo", none)
+    os.kill(plant._server._process.pid, signal.SIGKILL)
+    with pytest.raises(UprightError, match="Gazebo 11 is missing"):
+        plant.step(10.0)
+
+
+def test_a_server_that_ends_as_it_starts_tells_why(make, monkeypatch):
+    gazebo = server.find_gazebo()
+    nowhere = gazebo.environment | {"GAZEBO_PLUGIN_PATH": ""}
+    monkeypatch.setattr(server, "find_gazebo", lambda: gazebo._replace(environment=nowhere))
+    monkeypatch.setattr(server, "STARTING", 5.0)
+    with pytest.raises(UprightError, match=r"gzserver did not start within 5 s: .*stepper"):
+        make()
+
+
+def test_without_gazebo_there_is_a_clear_error(tmp_path, learner, monkeypatch):
+    monkeypatch.setenv("UPRIGHT_GAZEBO", str(tmp_path))
+    process = learner("learn random-search --plant gazebo")
+    _, told = process.communicate(timeout=LIMIT)
+    assert process.returncode == BAD_USE
+    assert "`upright gazebo install`" in told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_server_outlives_its_learner(number, learner):
+    process = learner("learn random-search --plant gazebo --steps 100000000 --trials 100000")
+    assert process.stdout.readline().startswith("trial    1")
+    process.send_signal(number)
+    process.communicate(timeout=LIMIT)
+    assert process.returncode == (INTERRUPTED if number == signal.SIGINT else -number)
+
+
+# ---- Its window ----------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not shutil.which("Xvfb"), reason="Xvfb is not installed")
+def test_a_picture_shows_cart_and_pole(tmp_path, capsys):
+    policy, picture = str(tmp_path / "policy.npz"), tmp_path / "gazebo.png"
+    assert run(["learn", "adaptive-lqr", "--quiet", "--save", policy]) == 0
+    assert run(["gazebo", "view", policy, "--screenshot", str(picture)]) == 0
+    assert f"picture: {picture}" in capsys.readouterr().out
+    red, _, blue = np.moveaxis(imread(picture)[:, :, :3], 2, 0)
+    assert (blue > red + 0.3).sum() > 1_000  # the cart
+    assert (red > blue + 0.3).sum() > 300  # the pole
+    assert not running("gzclient")
+
+
+def test_without_a_display_there_is_no_window(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    policy = str(tmp_path / "policy.npz")
+    assert run(["learn", "adaptive-lqr", "--quiet", "--save", policy]) == 0
+    assert run(["gazebo", "view", policy]) == BAD_USE
+    assert "there is no display" in capsys.readouterr().err
