@@ -6,11 +6,12 @@ BIN := .venv/bin
 RUNS ?= 20
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test test-matlab test-sb3 octave lint benchmark clean
+.PHONY: help reproduce test test-matlab test-sb3 octave gazebo lint benchmark clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
 	@echo "make octave      install GNU Octave for the MATLAB twin (Debian, Ubuntu)"
+	@echo "make gazebo      bring Gazebo 11 into your cache, 0.3 GB to download (Debian)"
 	@echo "make test-matlab the tests of the MATLAB twin alone"
 	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
 	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
@@ -41,6 +42,9 @@ test: lint
 octave:
 	matlab/install-octave.sh --window
 
+gazebo: .venv/used
+	$(BIN)/upright gazebo install
+
 test-matlab: .venv/developed
 	UPRIGHT_REQUIRE_OCTAVE=1 $(BIN)/pytest -m octave
 
@@ -53,6 +57,7 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/environments.py --output docs/environment.md
 	$(BIN)/python benchmarks/matlab.py --output docs/matlab.md
 	$(BIN)/python benchmarks/ros2.py --output docs/ros2.md
+	$(BIN)/python benchmarks/gazebo.py --output docs/gazebo.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

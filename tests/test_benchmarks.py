@@ -47,3 +47,12 @@ def test_learning_over_ros_2_is_measured():
         "Real time, 1 s: the pole stayed up",
     ):
         assert text in result.stdout
+
+
+@pytest.mark.gazebo
+def test_learning_in_gazebo_is_measured():
+    command = [sys.executable, BENCHMARKS / "gazebo.py", "--steps", "200", "--rounds", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    for text in ("| DART, 1 ms | ", "| ODE, 1 ms | ", "1 ms, over ROS 2 | ", "physics steps take"):
+        assert text in result.stdout
