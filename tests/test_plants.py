@@ -12,7 +12,7 @@ from upright.study import Case, make_case, make_run, study
 from upright.study import stored as stored_cases
 from upright.task import make_task
 
-HERE = [name for name in PLANTS if name not in ("gazebo", "ros2")]
+HERE = [name for name in PLANTS if name not in ("gazebo", "gz-sim", "ros2")]
 """Plants that need no other process."""
 STATE = State(0.1, -0.2, 0.03, 0.4)
 GO_ON = np.zeros(1, np.bool_)
@@ -73,7 +73,10 @@ class Uncompiled:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("--plant jelly", "plant is 'jelly'; it must be one of equations, mujoco, gazebo, ros2"),
+        (
+            "--plant jelly",
+            "plant is 'jelly'; it must be one of equations, mujoco, gazebo, gz-sim",
+        ),
         ("--plant-set physics_step=1", "setting is 'physics_step'; it must be one of"),
         ("--plant mujoco --plant-set physics_step", "it must be NAME=VALUE"),
         ("--plant mujoco --plant-set physics_step=0.03", "physics_step is 0.03"),

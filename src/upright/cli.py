@@ -187,7 +187,7 @@ SHARED: dict[str, dict[str, Any]] = {
     "--plant": {
         "default": "equations",
         "metavar": "NAME",
-        "help": "the body: equations (default), mujoco, gazebo, or ros2, a cart on ROS 2's topics",
+        "help": "the body: equations (default), mujoco, gazebo, gz-sim or ros2; see upright plants",
     },
     "--plant-set": {
         "action": "append",

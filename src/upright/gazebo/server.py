@@ -10,15 +10,14 @@ from contextlib import ExitStack, suppress
 from itertools import count
 from pathlib import Path
 from shutil import rmtree
-from xml.etree import ElementTree
 
 import numpy as np
 
 from upright.cartpole import Parameters, State
 from upright.cores import share_core
 from upright.errors import UprightError
-from upright.gazebo.installation import find_gazebo, sources
-from upright.plants import urdf
+from upright.gazebo.installation import find_gazebo
+from upright.gazebo.world import write_world
 
 STEP, RESET = 0, 1
 REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
@@ -31,16 +30,6 @@ ENDING = 5.0
 """How long it may take to end [s]."""
 POLL = 0.1
 """How often to look whether a start was given up [s]."""
-CONFIG = """\
-<model>
-  <name>cartpole</name>
-  <version>1.0</version>
-  <sdf>cartpole.urdf</sdf>
-</model>
-"""
-"""What makes a folder with a URDF a model of Gazebo."""
-
-
 WINDOW = """\
 [geometry]
 x=0
@@ -109,8 +98,7 @@ class Server:
                 raise UprightError(f"no socket can be made at {address}: {error}") from error
             listener.listen(1)
             listener.settimeout(POLL)
-            _write_model(folder / "models" / "cartpole", parameters)
-            world = _write_world(folder, parameters, engine, physics_step)
+            world = write_world(folder, parameters, engine, physics_step)
             self._log = folder / "log.txt"
             self._environment = _environment(gazebo.environment, folder)
             # Else it wakes a thread in each physics step, to tell of contacts to nobody.
@@ -175,47 +163,6 @@ class Server:
             if words := [line for line in lines if line.strip()][-3:]:
                 return f": {' / '.join(words)}"
         return ""
-
-
-def _write_model(folder: Path, parameters: Parameters) -> None:
-    """Write the URDF with its colours as Gazebo knows them, which leaves out those of URDFs."""
-    folder.mkdir(parents=True)
-    (folder / "model.config").write_text(CONFIG, encoding="utf-8")
-    robot = ElementTree.fromstring(urdf.text(parameters))
-    colours = {
-        material.get("name"): color.get("rgba", "")
-        for material in robot.iterfind("material")
-        for color in material.iterfind("color")
-    }
-    for link in robot.findall("link"):
-        for material in link.iterfind("visual/material"):
-            gazebo = ElementTree.SubElement(robot, "gazebo", reference=link.get("name", ""))
-            look = ElementTree.SubElement(ElementTree.SubElement(gazebo, "visual"), "material")
-            for name in ("ambient", "diffuse"):
-                ElementTree.SubElement(look, name).text = colours[material.get("name")]
-    ElementTree.ElementTree(robot).write(folder / "cartpole.urdf", encoding="utf-8")
-
-
-def _write_world(folder: Path, parameters: Parameters, engine: str, physics_step: float) -> Path:
-    """Write the world file with what differs from world to world, and return its path."""
-    tree = ElementTree.parse(sources() / "cartpole.world")
-    values = {
-        "world/gravity": f"0 0 {-parameters.gravity}",
-        "world/physics/max_step_size": f"{physics_step}",
-        "world/plugin/socket": str(folder / "socket"),
-    }
-    for place, value in values.items():
-        _find(tree, place).text = value
-    _find(tree, "world/physics").set("type", engine)
-    path = folder / "cartpole.world"
-    tree.write(path, encoding="utf-8", xml_declaration=True)
-    return path
-
-
-def _find(tree: "ElementTree.ElementTree[ElementTree.Element]", path: str) -> ElementTree.Element:
-    element = tree.find(path)
-    assert element is not None, path
-    return element
 
 
 def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:

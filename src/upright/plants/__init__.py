@@ -20,6 +20,7 @@ PLANTS = {
     "equations": "upright.plants.equations",
     "mujoco": "upright.plants.mujoco",
     "gazebo": "upright.plants.gazebo",
+    "gz-sim": "upright.plants.gz_sim",
     "ros2": "upright.plants.ros2",
 }
 """Every plant, and the module that makes it."""

@@ -18,6 +18,7 @@ from upright.errors import UprightError, require, require_one_of
 from upright.files import digest
 from upright.gazebo.installation import find_gazebo, sources
 from upright.gazebo.server import RESET, STEP, Server, ServerGoneError
+from upright.gazebo.world import count_steps
 from upright.plants import urdf
 from upright.plants.urdf import ASSET
 from upright.task import Task
@@ -96,12 +97,7 @@ class GazeboCart:
 
     def __init__(self, settings: Gazebo, parameters: Parameters, stop: np.ndarray) -> None:
         self._settings, self._parameters, self._stop = settings, parameters, stop
-        self._steps = round(parameters.time_step / settings.physics_step)
-        if abs(self._steps * settings.physics_step - parameters.time_step) > 1e-12:
-            raise UprightError(
-                f"physics_step is {settings.physics_step}; it must be the time step of "
-                f"{parameters.time_step} s divided by a whole number"
-            )
+        self._steps = count_steps(settings.physics_step, parameters)
         self._state = State(0.0, 0.0, 0.0, 0.0)
         self._due = 0.0  # when the next step is, if it is not as soon as it can be [s]
         self._server = self._start()
