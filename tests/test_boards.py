@@ -9,8 +9,9 @@ import pytest
 from upright import __version__, boards
 from upright.agents import AGENTS
 from upright.boards import ROBUST, Study, board, leaderboard, make_rows, ranks, robust
-from upright.cli import BAD_USE, run
+from upright.cli import run
 from upright.errors import UprightError
+from upright.exits import BAD_USE
 from upright.published import CASES, SOURCES
 from upright.report import Row, summarise
 from upright.store import Result, Store

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
-from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.cli import run
+from upright.exits import BAD_USE, FAILED, INTERRUPTED
 from upright.policy import learned_policy, save_policy
 from upright.study import make_case
 

@@ -16,8 +16,9 @@ from upright.agents import AGENTS
 from upright.agents.forms import BLOCK, Table
 from upright.agents.q_learning import QLearning
 from upright.cartpole import State, equations
-from upright.cli import BAD_USE, run
+from upright.cli import run
 from upright.errors import UprightError
+from upright.exits import BAD_USE
 from upright.export import IR_VERSION, OPSET, c_header, export_policy, onnx_model
 from upright.policy import Policy, learned_policy, save_policy
 from upright.study import make_case, make_run

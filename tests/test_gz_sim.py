@@ -5,7 +5,8 @@ from xml.etree import ElementTree
 import pytest
 
 from upright.cartpole import Parameters
-from upright.cli import BAD_USE, run
+from upright.cli import run
+from upright.exits import BAD_USE
 from upright.gazebo.world import write_world
 from upright.plants import urdf
 from upright.plants.gz_sim import PHYSICS

@@ -18,8 +18,9 @@ from upright.agents.forms import BLOCK, Layer, Network, Table
 from upright.agents.played import make_memory
 from upright.agents.q_learning import QLearning
 from upright.cartpole import State
-from upright.cli import BAD_USE, run
+from upright.cli import run
 from upright.errors import UprightError
+from upright.exits import BAD_USE
 from upright.export import c_header, export_policy
 from upright.play import case_for, play
 from upright.policy import (

@@ -20,9 +20,10 @@ from upright import trials
 from upright.agents import AGENTS, named_settings, restore_settings
 from upright.agents.outside import Outside, is_learner
 from upright.cartpole import State, equations
-from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.cli import run
 from upright.compiled import CACHE_FOLDER, explain
 from upright.errors import UprightError
+from upright.exits import BAD_USE, FAILED, INTERRUPTED
 from upright.plots import play
 from upright.policy import load_policy
 from upright.protocol import run_learner

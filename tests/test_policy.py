@@ -13,8 +13,9 @@ from helpers import LEARNED_ON
 from upright.agents import AGENTS, named_settings
 from upright.agents.reinforce import MOST_KEPT, Reinforce
 from upright.cartpole import Parameters, State
-from upright.cli import BAD_USE, run
+from upright.cli import run
 from upright.errors import UprightError
+from upright.exits import BAD_USE
 from upright.plots import play
 from upright.policy import FORMAT, describe, learned_policy, load_policy, read_header, save_policy
 from upright.study import make_case, make_run

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from upright.cartpole import State
-from upright.cli import BAD_USE, FAILED, INTERRUPTED, run
+from upright.cli import run
 from upright.errors import UprightError
+from upright.exits import BAD_USE, FAILED, INTERRUPTED
 from upright.plants import default_plant
 from upright.study import make_case, make_run
 from upright.task import make_task

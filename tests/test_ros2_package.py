@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from upright.cli import BAD_USE
+from upright.exits import BAD_USE
 from upright.plants import urdf
 from upright.settings import values_of
 from upright_ros.settings import LearnerSettings, SimulatorSettings

@@ -19,8 +19,9 @@ from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
 from upright.agents.reinforce import Reinforce
-from upright.cli import BAD_USE, INTERRUPTED, run
+from upright.cli import run
 from upright.errors import UprightError, require
+from upright.exits import BAD_USE, INTERRUPTED
 from upright.search_space import Range, search_space
 from upright.settings import change_settings
 from upright.store import Store

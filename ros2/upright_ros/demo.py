@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from subprocess import PIPE, Popen, TimeoutExpired
 
-from upright.cli import BAD_USE
+from upright.exits import BAD_USE
 from upright.plants.ros2_cart import Given
 from upright_ros import learner
 from upright_ros.settings import SimulatorSettings

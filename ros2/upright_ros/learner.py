@@ -8,7 +8,7 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Int64
 
-from upright.cli import FAILED, exit_status
+from upright.exits import FAILED, exit_status
 from upright.export import check_learned, save_learned
 from upright.plants.ros2 import Ros2
 from upright.plants.ros2_cart import QOS, Cart, Given, new_node

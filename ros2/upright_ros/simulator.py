@@ -18,8 +18,8 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from upright.cartpole import State
-from upright.cli import exit_status
 from upright.errors import UprightError
+from upright.exits import exit_status
 from upright.noise import disturb, draw_start, measure
 from upright.plants.ros2 import (
     BALANCING,

@@ -3,21 +3,19 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright import __version__
 from upright.agents import AGENTS, MATLAB_AGENTS
 from upright.errors import UprightError
+from upright.exits import BAD_USE, FAILED, INTERRUPTED, exit_status
 from upright.published import CASES, RUNS, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 
 if TYPE_CHECKING:
     from upright.plants import PlantSettings
     from upright.study import Case
-
-FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
-"""Exit statuses besides 0."""
 
 TASK_HELP = f"""\
 noise cases: {", ".join(CASES)}
@@ -50,21 +48,6 @@ def run(arguments: Sequence[str]) -> int:
     """Carry out a command line and return the exit status."""
     options = _parser().parse_args(arguments)
     return exit_status(lambda: options.command(options))
-
-
-def exit_status(work: Callable[[], int]) -> int:
-    """Do the work of a command and return its exit status; say in one line what went wrong."""
-    try:
-        return work()
-    except UprightError as error:
-        print(f"upright: error: {error}", file=sys.stderr)
-        return BAD_USE
-    except KeyboardInterrupt:
-        print("upright: stopped", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        sys.stderr.close()
-        return FAILED
 
 
 def _parser() -> Parser:

@@ -1,0 +1,24 @@
+"""How commands end: their exit statuses."""
+
+import sys
+from collections.abc import Callable
+
+from upright.errors import UprightError
+
+FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
+"""Exit statuses besides 0."""
+
+
+def exit_status(work: Callable[[], int]) -> int:
+    """Do the work of a command and return its exit status; say in one line what went wrong."""
+    try:
+        return work()
+    except UprightError as error:
+        print(f"upright: error: {error}", file=sys.stderr)
+        return BAD_USE
+    except KeyboardInterrupt:
+        print("upright: stopped", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        return FAILED
