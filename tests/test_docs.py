@@ -56,3 +56,14 @@ def test_the_matlab_page_quotes_its_recorded_study():
         assert line, noise
         assert mean in line[0], (agent, noise)
         assert success.startswith("100 %")
+
+
+def test_the_gazebo_page_quotes_its_recorded_study():
+    page = (ROOT / "docs/gazebo.md").read_text()
+    recorded = (ROOT / "docs/results/gazebo.md").read_text()
+    rows = re.findall(
+        r"^\| (\S+) \(gazebo\) \| default \| (\S+) \| (.*?) \| (.*?) \|", recorded, re.M
+    )
+    assert len(rows) == 3 * 2
+    for row in rows:
+        assert f"| {' | '.join(row)} |" in page
