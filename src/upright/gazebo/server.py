@@ -1,6 +1,7 @@
 """A Gazebo server for one cart-pole, that moves when it is told to (`gazebo/stepper.cc`)."""
 
 import os
+import re
 import socket
 import struct
 import subprocess
@@ -125,7 +126,7 @@ class Server:
         except OSError as error:
             raise ServerGoneError(f"gzserver does not answer: {error}") from error
         if len(answer) < ANSWER.size:
-            raise ServerGoneError(f"gzserver has ended{self._last_words()}")
+            raise ServerGoneError("gzserver has ended")
         return State(*ANSWER.unpack(answer))
 
     def close(self) -> None:
@@ -157,12 +158,11 @@ class Server:
         raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")
 
     def _last_words(self) -> str:
-        """Return what the log ends with."""
-        with suppress(OSError):
-            lines = self._log.read_text(errors="replace").splitlines()
-            if words := [line for line in lines if line.strip()][-3:]:
-                return f": {' / '.join(words)}"
-        return ""
+        """Return the errors that the log ends with, or else its last line."""
+        text = re.sub(r"\x1b\[[0-9;]*m", "", self._log.read_text(errors="replace"))  # colours
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        errors = [line for line in lines if "[Err]" in line or "rror" in line]
+        return "".join(f": {line}" for line in (errors or lines)[-1:])
 
 
 def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:
