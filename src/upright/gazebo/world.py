@@ -5,7 +5,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from upright.cartpole import Parameters
-from upright.errors import UprightError
 from upright.gazebo.installation import sources
 from upright.plants import urdf
 
@@ -20,23 +19,6 @@ CONFIG = """\
 
 STEPPER = {"name": "stepper", "filename": "libupright_stepper.so"}
 """The plugin of Gazebo 11, `gazebo/stepper.cc`."""
-
-
-def count_steps(physics_step: float, parameters: Parameters) -> int:
-    """Return how many physics steps make up a control period.
-
-    Raises
-    ------
-    UprightError
-        If that is no whole number.
-    """
-    steps = round(parameters.time_step / physics_step)
-    if abs(steps * physics_step - parameters.time_step) > 1e-12:
-        raise UprightError(
-            f"physics_step is {physics_step}; it must be the time step of {parameters.time_step} s "
-            "divided by a whole number"
-        )
-    return steps
 
 
 def write_world(

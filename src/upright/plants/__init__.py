@@ -7,7 +7,7 @@ whether it fell, closed.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from upright.errors import require_one_of
+from upright.errors import UprightError, require_one_of
 from upright.settings import Fields, restored, values_of
 
 if TYPE_CHECKING:
@@ -94,3 +94,21 @@ def restore_plant(values: dict[str, Any]) -> PlantSettings:
     """
     own = {name: value for name, value in values.items() if name != "name"}
     return restored(default_plant(values["name"]), own, values["name"])
+
+
+def count_steps(physics_step: float, time_step: float) -> int:
+    """Return how many physics steps make up the time between two pushes.
+
+    Raises
+    ------
+    UprightError
+        If that is no whole number.
+    """
+    steps = max(1, round(time_step / physics_step))
+    if abs(steps * physics_step - time_step) > 1e-9 * time_step:
+        allowed = ", ".join(f"{time_step / n:g}" for n in (1, 2, 4, 5, 10))
+        raise UprightError(
+            f"physics_step is {physics_step!r}; it must be the time step of {time_step:g} s "
+            f"divided by a whole number, such as {allowed}"
+        )
+    return steps

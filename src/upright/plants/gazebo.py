@@ -16,10 +16,10 @@ import numpy as np
 from upright.cartpole import Parameters, State, check_parameters, has_fallen
 from upright.errors import UprightError, require, require_one_of
 from upright.files import digest
+from upright.gazebo import world
 from upright.gazebo.installation import find_gazebo, sources
 from upright.gazebo.server import RESET, STEP, Server, ServerGoneError
-from upright.gazebo.world import count_steps
-from upright.plants import urdf
+from upright.plants import count_steps, urdf
 from upright.plants.urdf import ASSET
 from upright.task import Task
 from upright.trials import Plant
@@ -71,7 +71,7 @@ class Gazebo:
 
     def version(self) -> str:
         """Return the version of Gazebo, and a digest of what describes body and steps."""
-        here = [Path(__file__), Path(urdf.__file__), ASSET]
+        here = [Path(__file__), Path(world.__file__), Path(urdf.__file__), ASSET]
         ours = digest(here, Path(urdf.__file__).parents[1])
         plugin = [sources() / "stepper.cc", sources() / "cartpole.world"]
         return f"{find_gazebo().version}-{ours}-{digest(plugin, sources())}"
@@ -97,7 +97,7 @@ class GazeboCart:
 
     def __init__(self, settings: Gazebo, parameters: Parameters, stop: np.ndarray) -> None:
         self._settings, self._parameters, self._stop = settings, parameters, stop
-        self._steps = count_steps(settings.physics_step, parameters)
+        self._steps = count_steps(settings.physics_step, parameters.time_step)
         self._state = State(0.0, 0.0, 0.0, 0.0)
         self._due = 0.0  # when the next step is, if it is not as soon as it can be [s]
         self._server = self._start()

@@ -17,7 +17,8 @@ import numpy as np
 from upright.cartpole import Parameters, State, check_parameters, has_fallen
 from upright.errors import UprightError, require
 from upright.files import digest
-from upright.gazebo.world import count_steps, write_world
+from upright.gazebo.world import write_world
+from upright.plants import count_steps
 from upright.plants.urdf import HINGE, SLIDER
 from upright.task import Task
 from upright.trials import Plant
@@ -85,7 +86,7 @@ class GzSimCart:
     def __init__(self, settings: GzSim, parameters: Parameters, stop: np.ndarray) -> None:
         self._sim = _gz_sim()
         self._parameters, self._stop = parameters, stop
-        self._steps = count_steps(settings.physics_step, parameters)
+        self._steps = count_steps(settings.physics_step, parameters.time_step)
         self._force = 0.0
         self._state = State(0.0, 0.0, 0.0, 0.0)
         self._put = True  # whether the joints are still to be put into the state

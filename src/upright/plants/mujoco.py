@@ -22,9 +22,9 @@ from numba.extending import intrinsic
 
 from upright.cartpole import Parameters, State, check_parameters, has_fallen
 from upright.compiled import PACKAGE, compiled, inlined
-from upright.errors import UprightError, require, require_module, require_one_of
+from upright.errors import require, require_module, require_one_of
 from upright.files import digest
-from upright.plants import urdf
+from upright.plants import count_steps, urdf
 from upright.plants.urdf import ASSET, text
 from upright.task import Task
 from upright.trials import Plant
@@ -71,7 +71,7 @@ class Mujoco:
         """
         mujoco = _mujoco()
         parameters = check_parameters(parameters or Parameters())
-        substeps = self._substeps(parameters.time_step)
+        substeps = count_steps(self.physics_step, parameters.time_step)
         model = mujoco.MjModel.from_xml_string(text(parameters))
         model.opt.timestep = parameters.time_step / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}")
@@ -90,16 +90,6 @@ class Mujoco:
             mj_step=_address(library.mj_step),
             mj_reset=_address(library.mj_resetData),
         )
-
-    def _substeps(self, time_step: float) -> int:
-        substeps = max(1, round(time_step / self.physics_step))
-        if abs(substeps * self.physics_step - time_step) > 1e-9 * time_step:
-            allowed = ", ".join(f"{time_step / n:g}" for n in (1, 2, 4, 5, 10))
-            raise UprightError(
-                f"physics_step is {self.physics_step!r}; it must be the time step of"
-                f" {time_step:g} s divided by a whole number, such as {allowed}"
-            )
-        return substeps
 
 
 def _mujoco() -> Any:
