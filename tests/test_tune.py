@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -257,6 +258,27 @@ def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
     assert tried(tmp_path / "tune") == tried(whole[1])
 
 
+@pytest.mark.parametrize("statement", [40, 75, 90, 105, 120, 135, 150])
+def test_an_interrupt_amid_the_store_locks_nobody_out(whole, tmp_path, statement):
+    from sqlalchemy import Engine, event
+
+    numbers = count()
+
+    def interrupt(*_):
+        if next(numbers) == statement:
+            signal.raise_signal(signal.SIGINT)
+
+    event.listen(Engine, "after_cursor_execute", interrupt)
+    began = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            search(wanted(), 14, tmp_path / "tune")
+    finally:
+        event.remove(Engine, "after_cursor_execute", interrupt)
+    assert time.monotonic() - began < 30  # one who is locked out waits for longer
+    assert search(wanted(), 14, tmp_path / "tune") == whole[0]
+
+
 def test_a_finished_search_makes_no_run(whole, monkeypatch):
     monkeypatch.setattr(tune, "study", None)
     assert search(wanted(), 14, whole[1]) == whole[0]
@@ -403,12 +425,16 @@ def candidates_kept(path) -> Iterator[int]:
 def test_an_interrupt_says_how_to_go_on(tmp_path):
     program = "from upright.cli import main; main()"
     command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
-    process = subprocess.Popen(
+    with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"TERM": "dumb"}
-    )
-    next(count for count in candidates_kept(tmp_path / "tune-random-search.sqlite") if count > 2)
-    process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60)
+    ) as process:
+        try:
+            kept = candidates_kept(tmp_path / "tune-random-search.sqlite")
+            next(count for count in kept if count > 2)
+            process.send_signal(signal.SIGINT)
+            _, error = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert process.returncode == INTERRUPTED
     assert "finished candidates are kept in tune-random-search.sqlite; the same command" in error
     assert "Traceback" not in error

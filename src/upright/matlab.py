@@ -21,6 +21,7 @@ import numpy as np
 
 from upright.errors import UprightError, require
 from upright.files import digest
+from upright.interrupts import let_interrupts_through
 from upright.store import Result
 
 PROGRAMS = ("matlab", "octave-cli", "octave")
@@ -135,7 +136,8 @@ def make_runs(jobs: Iterable[Wanted]) -> Generator[tuple[Wanted, Result], None, 
             workers.submit(work, job)
         left = len(jobs)
         while left:
-            news = ended.get()
+            with let_interrupts_through():
+                news = ended.get()
             if isinstance(news, Exception):
                 raise news
             if news is None:

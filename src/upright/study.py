@@ -6,18 +6,13 @@ import multiprocessing
 import signal
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import (
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    as_completed,
-)
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
 from os import cpu_count
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -34,6 +29,7 @@ from upright.agents import (
 from upright.agents.outside import Outside, is_learner
 from upright.compiled import explain, is_compiled, sources_hash
 from upright.errors import UprightError, require, require_module, require_one_of
+from upright.interrupts import hold_interrupts, let_interrupts_through
 from upright.plants import PlantSettings, describe_plant, restore_plant
 from upright.plants.equations import SETTINGS as EQUATIONS
 from upright.published import STEPS, TRIALS
@@ -358,10 +354,11 @@ def study(
         store.add(case.key, seed, result)
         on_result(case, result)
 
-    _study_here(ours, seed, keep, executor)
-    with closing(matlab.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
-        for wanted, result in ended:
-            keep(twins[wanted], result)
+    with hold_interrupts():
+        _study_here(ours, seed, keep, executor)
+        with closing(matlab.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
+            for wanted, result in ended:
+                keep(twins[wanted], result)
 
 
 def _study_here(
@@ -375,11 +372,18 @@ def _study_here(
     others = set(multiprocessing.active_children())
     workers = executor or _workers(list(missing))
     futures: dict[Future[Result | None], Case] = {}
+    ended: SimpleQueue[Future[Result | None]] = SimpleQueue()
     try:
         for case, numbers in missing.items():
             for run in numbers:
-                futures[workers.submit(_job, case, seed, run, stop)] = case
-        for future in as_completed(futures):
+                with let_interrupts_through():
+                    pass  # as there may be very many
+                future = workers.submit(_job, case, seed, run, stop)
+                futures[future] = case
+                future.add_done_callback(ended.put)
+        for _ in range(len(futures)):
+            with let_interrupts_through():
+                future = ended.get()
             result, case = future.result(), futures[future]
             assert result is not None, "only an interrupt stops a run"
             keep(case, result)

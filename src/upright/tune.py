@@ -27,6 +27,7 @@ import numpy as np
 
 from upright.agents import Settings, named_settings
 from upright.errors import UprightError, require, require_module
+from upright.interrupts import hold_interrupts
 from upright.report import bootstrap_interval
 from upright.search_space import Range
 from upright.settings import values_of
@@ -159,7 +160,7 @@ def search(
     """
     require("candidates", candidates, 1, 10**6, whole=True)
     optuna = require_optuna()
-    with _opened(wanted, path) as found:
+    with hold_interrupts(), _opened(wanted, path) as found:
         finished = _finished(found)
         while len(finished) < candidates:
             found.sampler = _sampler(wanted.seed, len(finished))

@@ -3,12 +3,15 @@
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
 
 from upright.drawing import Window, write_video
+from upright.interrupts import hold_interrupts, let_interrupts_through
 from upright.play import Played, pictures, play
 from upright.policy import Policy
 from upright.store import Result
@@ -97,15 +100,21 @@ def watch(
             told += 1
             tell(told, int(lengths[told - 1]))
 
-    thread = ThreadPoolExecutor(1)
-    future = thread.submit(work, lengths, stop)
-    try:
-        while not wait([future], POLL).done:
-            tell_more()
-    finally:
-        stop[0] = True
-        wait([future], PATIENCE)  # a cart is to be stopped
-        thread.shutdown(wait=False)
+    ended: SimpleQueue[Future[Any]] = SimpleQueue()
+    with hold_interrupts():
+        thread = ThreadPoolExecutor(1)
+        future = thread.submit(work, lengths, stop)
+        future.add_done_callback(ended.put)
+        try:
+            while not future.done():
+                with let_interrupts_through():
+                    with suppress(Empty):
+                        ended.get(timeout=POLL)
+                    tell_more()
+        finally:
+            stop[0] = True
+            wait([future], PATIENCE)  # a cart is to be stopped
+            thread.shutdown(wait=False)
     made, result = future.result()
     assert result is not None, "it was stopped by an interrupt alone"
     tell_more()

@@ -1,0 +1,131 @@
+import signal
+import threading
+
+import pytest
+
+from upright.interrupts import hold_interrupts, let_interrupts_through
+
+
+def interrupt():
+    signal.raise_signal(signal.SIGINT)
+
+
+def until_interrupted(work):
+    """Return what was noted by work that ends with an interrupt."""
+    notes = []
+    with pytest.raises(KeyboardInterrupt):
+        work(notes.append)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    return notes
+
+
+def test_an_interrupt_is_held_until_it_is_let_through():
+    def work(note):
+        with hold_interrupts():
+            interrupt()
+            note("held")
+            with let_interrupts_through():
+                note("went on")
+
+    assert until_interrupted(work) == ["held"]
+
+
+def test_the_end_lets_it_through():
+    def work(note):
+        with hold_interrupts():
+            interrupt()
+            note("held")
+        note("went on")
+
+    assert until_interrupted(work) == ["held"]
+
+
+def test_one_let_through_comes_at_once():
+    def work(note):
+        with hold_interrupts(), let_interrupts_through():
+            interrupt()
+            note("went on")
+
+    assert until_interrupted(work) == []
+
+
+def test_one_that_is_lost_is_raised_all_the_same():
+    def work(note):
+        with hold_interrupts():
+            with let_interrupts_through():
+                try:
+                    interrupt()
+                except KeyboardInterrupt:  # as by Python itself, in a callback of what it frees
+                    note("lost")
+            note("went on")
+
+    assert until_interrupted(work) == ["lost"]
+
+
+def test_a_second_one_does_not_wait():
+    def work(note):
+        with hold_interrupts():
+            interrupt()
+            note("held")
+            interrupt()
+            note("went on")
+
+    assert until_interrupted(work) == ["held"]
+
+
+def test_to_hold_within_a_hold_is_to_hold_till_the_outer_end():
+    def work(note):
+        with hold_interrupts():
+            with hold_interrupts():
+                interrupt()
+            note("held")
+            with hold_interrupts(), let_interrupts_through():
+                note("went on")
+
+    assert until_interrupted(work) == ["held"]
+
+
+def test_what_ends_a_learner_on_a_robot_is_held_too():
+    def work(note):
+        with hold_interrupts():
+            signal.raise_signal(signal.SIGTERM)
+            note("held")
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        assert until_interrupted(work) == ["held"]
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_an_error_is_not_hidden_by_an_interrupt():
+    def work():
+        with hold_interrupts():
+            interrupt()
+            raise ValueError("wrong")
+
+    with pytest.raises(ValueError, match="wrong"):
+        work()
+
+
+@pytest.mark.parametrize("handler", [signal.SIG_IGN, signal.SIG_DFL, lambda *_: None])
+def test_who_has_a_way_of_his_own_keeps_it(handler):
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        with hold_interrupts(), let_interrupts_through():
+            assert signal.getsignal(signal.SIGINT) == handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_other_threads_are_let_alone():
+    seen = []
+
+    def work():
+        with hold_interrupts(), let_interrupts_through():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]
