@@ -46,8 +46,13 @@ def main() -> NoReturn:
 
 def run(arguments: Sequence[str]) -> int:
     """Carry out a command line and return the exit status."""
-    options = _parser().parse_args(arguments)
-    return exit_status(lambda: options.command(options))
+
+    def work() -> int:
+        options = _parser().parse_args(arguments)
+        status: int = options.command(options)
+        return status
+
+    return exit_status(work)
 
 
 def _parser() -> Parser:
