@@ -105,6 +105,15 @@ def test_the_contract_tells_the_normalisation_by_the_settings():
     assert told["random-search"] == "none"
 
 
+def test_a_policy_tells_where_it_learned_if_not_in_the_equations(tmp_path):
+    path = str(tmp_path / "policy.npz")
+    assert run(["learn", "random-search", "--plant", "mujoco", "--quiet", "--save", path]) == 0
+    assert load_policy(path).task == LEARNED_ON | {"steps": 60_000, "plant": "mujoco"}
+    assert run(["export", path, str(tmp_path / "policy.json")]) == 0
+    assert load_policy(tmp_path / "policy.json").task["plant"] == "mujoco"
+    assert run(["play", path, "--steps", "100", "--episodes", "1"]) == 0
+
+
 def test_show_of_a_policy_is_text_that_no_terminal_obeys(path, capsys):
     change_header(lambda header: header.update({"x\x1b[2J": "\x1b]0;title\x07"}))(path)
     assert run(["show", str(path)]) == 0
@@ -305,6 +314,7 @@ BAD_FILES = {
     "condition": (change_task(condition="*/ #error"), "condition is"),
     "steps": (change_task(steps=10**12), "steps is"),
     "seed": (change_task(seed="*/"), "seed is"),
+    "plant": (change_task(plant="moon"), "plant is 'moon'; it must be one of equations"),
     "more of a task": (change_task(weather="fair"), "its task must tell noise"),
     # Settings
     "impossible": (change_settings(x_scale=-1), "x_scale is -1; it must be a number, above 0"),

@@ -27,6 +27,8 @@ from upright.agents.played import make_memory
 from upright.cartpole import State
 from upright.errors import UprightError, require, require_one_of
 from upright.files import write_file
+from upright.plants import PLANTS
+from upright.plants.equations import SETTINGS as EQUATIONS
 from upright.study import Case
 from upright.task import Task, make_task
 
@@ -61,7 +63,9 @@ class Policy:
     memory: Any
     """Its memory."""
     task: dict[str, Any]
-    """What it learned on: noise, start, steps, integrator, condition, seed and run."""
+    """What it learned on: noise, start, steps, integrator, condition, seed and run; and the name of
+    the plant, if that was not the equations.
+    """
 
     def __post_init__(self) -> None:
         """Stand at the beginning of a trial."""
@@ -137,6 +141,8 @@ def check_policy(case: Case) -> None:
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
     task = {name: getattr(case, name) for name in TASK} | {"seed": seed, "run": run}
+    if case.plant != EQUATIONS:
+        task["plant"] = case.plant.name
     return Policy(case.agent, memory, task)
 
 
@@ -354,11 +360,12 @@ def _read(member: IO[bytes], size: int) -> bytes:
 
 
 def _check_task(task: dict[str, Any]) -> None:
-    if task.keys() != {*TASK, "seed", "run"}:
+    if task.keys() - {"plant"} != {*TASK, "seed", "run"}:
         raise ValueError(f"its task must tell {', '.join(TASK)}, seed and run")
     make_task(**{name: task[name] for name in TASK})
     for name in ("seed", "run"):
         require(name, task[name], 0, whole=True)
+    require_one_of("plant", task.get("plant", EQUATIONS.name), PLANTS)
 
 
 def _check_contract(policy: Policy, header: dict[str, Any], for_people: set[str]) -> None:
