@@ -4,15 +4,13 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from subprocess import PIPE, Popen, TimeoutExpired
+from subprocess import PIPE, Popen
 
 from upright.exits import BAD_USE
 from upright.plants.ros2_cart import Given
+from upright.processes import end_process
 from upright_ros import learner
 from upright_ros.settings import SimulatorSettings
-
-PATIENCE = 5.0
-"""How long the simulator may take to end [s]."""
 
 
 @contextmanager
@@ -27,11 +25,7 @@ def start_simulator(given: Given) -> Iterator[bool]:
             print(line, end="", flush=True)
             yield bool(line)
         finally:
-            process.terminate()
-            try:
-                process.wait(PATIENCE)
-            except TimeoutExpired:
-                process.kill()
+            end_process(process)
 
 
 def main(simulated: Given, learning: Given) -> int:

@@ -19,6 +19,7 @@ from upright.cores import share_core
 from upright.errors import UprightError
 from upright.gazebo.installation import find_gazebo
 from upright.gazebo.world import write_world
+from upright.processes import end_process
 
 STEP, RESET = 0, 1
 REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
@@ -27,10 +28,8 @@ STARTING = 60.0
 """How long a server may take to start [s]."""
 ANSWERING = 10.0
 """How long it may take to answer [s]."""
-ENDING = 5.0
-"""How long it may take to end [s]."""
 POLL = 0.1
-"""How often to look whether a start was given up [s]."""
+"""How often to look whether a start was given up, and how long to let it end by itself [s]."""
 WINDOW = """\
 [geometry]
 x=0
@@ -179,12 +178,6 @@ def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
     """End a process; the server ends by itself once its socket is closed."""
-    try:
-        process.wait(0.0 if process.poll() is not None else POLL)
-    except subprocess.TimeoutExpired:
-        process.terminate()
-        try:
-            process.wait(ENDING)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(POLL)
+    end_process(process)

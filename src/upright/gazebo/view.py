@@ -18,6 +18,7 @@ from upright.errors import UprightError
 from upright.files import replacing
 from upright.play import play_run
 from upright.policy import Policy
+from upright.processes import end_process
 from upright.study import Case, make_plant
 
 SCREEN = "Xvfb_screen0"
@@ -93,8 +94,7 @@ def _screen() -> Iterator[Path]:
             os.environ.pop("DISPLAY")
             if before is not None:
                 os.environ["DISPLAY"] = before
-            server.terminate()
-            server.wait()
+            end_process(server)
 
 
 def _read_dump(dump: bytes) -> np.ndarray:
