@@ -1,6 +1,7 @@
 """Settings for all tests."""
 
 import os
+import signal
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -39,6 +40,9 @@ PROGRAMS = {
     ),
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
 }
+
+# Tests that were begun in the background would ignore it, and so would all that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, and no deadline: the first call of a kernel compiles it.
 settings.register_profile("upright", deadline=None, derandomize=True, database=None)
