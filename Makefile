@@ -58,6 +58,7 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/matlab.py --output docs/matlab.md
 	$(BIN)/python benchmarks/ros2.py --output docs/ros2.md
 	$(BIN)/python benchmarks/gazebo.py --output docs/gazebo.md
+	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
 
 clean:
 	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

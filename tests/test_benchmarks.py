@@ -56,3 +56,17 @@ def test_learning_in_gazebo_is_measured():
     assert result.returncode == 0, result.stderr
     for text in ("| DART, 1 ms | ", "| ODE, 1 ms | ", "1 ms, over ROS 2 | ", "physics steps take"):
         assert text in result.stdout
+
+
+@pytest.mark.gazebo
+def test_what_was_learned_on_each_plant_plays_on_every_other():
+    command = [sys.executable, BENCHMARKS / "transfer.py", "--steps", "100", "--runs", "1"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    for text in (
+        "| reinforce | equations | ",
+        "| q-learning | MuJoCo | ",
+        "1 runs each, of which 0",
+    ):
+        assert text in result.stdout
+    assert "| adaptive-lqr | Gazebo | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in result.stdout

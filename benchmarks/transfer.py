@@ -1,0 +1,104 @@
+"""How well does what was learned on one plant balance another? Equations, MuJoCo, Gazebo.
+
+Each agent learns from nothing on each plant, run after run, until a trial lasts for N steps. What
+it knows then plays one trial on every plant, where it learns no more.
+"""
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from typing import NamedTuple
+
+from speed import make_parser, put
+
+from upright.plants import default_plant
+from upright.play import case_for, play
+from upright.policy import learned_policy
+from upright.report import wilson_interval
+from upright.study import make_case, make_run
+
+AGENTS = ("reinforce", "q-learning", "adaptive-lqr")
+PLANTS = {"equations": "equations", "mujoco": "MuJoCo", "gazebo": "Gazebo"}
+
+
+class Learner(NamedTuple):
+    """Who learns, and where."""
+
+    agent: str
+    plant: str
+
+
+def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
+    """Return how long a trial lasted on each plant after a run; None if the run failed."""
+    case = make_case(learner.agent, steps=steps, plant=default_plant(learner.plant))
+    memory, result = make_run(case, 0, run)
+    assert result
+    if not result.success:
+        return None
+    policy = learned_policy(case, 0, run, memory)
+    cases = [case_for(policy, steps=steps, plant=default_plant(plant)) for plant in PLANTS]
+    return [next(play(policy, case, 1, run)).steps for case in cases]
+
+
+def transfer_all(
+    runs: int, steps: int, workers: Executor
+) -> Iterator[tuple[Learner, list[int] | None]]:
+    """Yield who learned in a run, and the lengths of the trials after it, as runs end."""
+    jobs: dict[Future[list[int] | None], Learner] = {}
+    for run in range(runs):
+        for agent in AGENTS:
+            for plant in PLANTS:
+                learner = Learner(agent, plant)
+                jobs[workers.submit(transfer, learner, run, steps)] = learner
+    for number, job in enumerate(as_completed(jobs), 1):
+        learner, lengths = jobs[job], job.result()
+        print(f"{number} of {len(jobs)}: {' on '.join(learner)}: {lengths}", file=sys.stderr)
+        yield learner, lengths
+
+
+def row(learner: Learner, found: list[list[int]], steps: int) -> str:
+    """Return a row of the table: for every plant how many trials were balanced."""
+    cells = [learner.agent, PLANTS[learner.plant]]
+    for lengths in zip(*found, strict=True):
+        balanced = sum(length >= steps for length in lengths)
+        low, high = (100 * end for end in wilson_interval(balanced, len(lengths)))
+        cells.append(f"{balanced} of {len(lengths)} [{low:.0f}, {high:.0f}] %")
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Measure, and write the table."""
+    parser = make_parser(__doc__, "docs/transfer.md")
+    parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
+    parser.add_argument("--runs", type=int, default=20, help="runs each (default 20)")
+    arguments = parser.parse_args()
+    found: dict[Learner, list[list[int]]] = {}
+    failed = 0
+    spawn = multiprocessing.get_context("spawn")
+    quietly = (signal.SIGINT, signal.SIG_DFL)
+    with ProcessPoolExecutor(os.cpu_count(), spawn, signal.signal, quietly) as workers:
+        for learner, lengths in transfer_all(arguments.runs, arguments.steps, workers):
+            failed += lengths is None
+            if lengths:
+                found.setdefault(learner, []).append(lengths)
+    heads = ["agent", "learned on", *(f"balances {name}" for name in PLANTS.values())]
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+    lines += [row(learner, found[learner], arguments.steps) for learner in sorted(found, key=place)]
+    text = (
+        "\n".join(lines) + f"\n\nTrials of {arguments.steps:,} steps without noise, random starts, "
+        f"default settings, {arguments.runs} runs each, of which {failed} failed; 95 % intervals "
+        "in brackets.\n"
+    )
+    put(text, arguments.output)
+
+
+def place(learner: Learner) -> tuple[int, int]:
+    """Return where in the table a learner stands."""
+    return AGENTS.index(learner.agent), list(PLANTS).index(learner.plant)
+
+
+if __name__ == "__main__":
+    main()
