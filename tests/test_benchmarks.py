@@ -9,14 +9,20 @@ import pytest
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 
 
+def measured(script, *options):
+    """Return what a script prints."""
+    command = [sys.executable, BENCHMARKS / script, *options]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed: C is not compared")
 @pytest.mark.skipif(not importlib.util.find_spec("gymnasium"), reason="gymnasium is not installed")
 def test_c_reaches_the_same_states_to_the_last_bit():
     """The script refuses to time two programs that do not compute the same."""
-    command = [sys.executable, BENCHMARKS / "speed.py", "--scale", "0.001", "--repetitions", "1"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert result.returncode == 0, result.stderr
-    lines = [line for line in result.stdout.splitlines() if line.startswith("| ")]
+    found = measured("speed.py", "--scale", "0.001", "--repetitions", "1")
+    lines = [line for line in found.splitlines() if line.startswith("| ")]
     assert len(lines) == 11
     for name in ("reinforce", "q-learning", "random-search", "Gymnasium", "NumPy"):
         assert any(name in line for line in lines)
@@ -25,48 +31,39 @@ def test_c_reaches_the_same_states_to_the_last_bit():
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is not installed: C is not compared")
 def test_c_observes_what_the_vector_environment_observes():
     """The script refuses to time two programs that do not compute the same."""
-    command = [sys.executable, BENCHMARKS / "environments.py", "--count", "600", "--rounds", "1"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert result.returncode == 0, result.stderr
+    found = measured("environments.py", "--count", "600", "--rounds", "1")
     for name in ("upright", "C", "upright, gaussian-0.2", "Gymnasium"):
-        assert f"\n| {name} | " in result.stdout
-    assert "Python takes" in result.stdout
+        assert f"\n| {name} | " in found
+    assert "Python takes" in found
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("rclpy"), reason="ROS 2 is not installed")
 def test_learning_over_ros_2_is_measured():
     """The script refuses to time trials that are not those of the equations."""
-    options = ["--steps", "300", "--rounds", "1", "--periods", "60"]
-    command = [sys.executable, BENCHMARKS / "ros2.py", *options]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert result.returncode == 0, result.stderr
+    found = measured("ros2.py", "--steps", "300", "--rounds", "1", "--periods", "60")
     for text in (
         "| equations | ",
         "| mujoco | ",
         "| in all | ",
         "Real time, 1 s: the pole stayed up",
     ):
-        assert text in result.stdout
+        assert text in found
 
 
 @pytest.mark.gazebo
 def test_learning_in_gazebo_is_measured():
-    command = [sys.executable, BENCHMARKS / "gazebo.py", "--steps", "200", "--rounds", "1"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert result.returncode == 0, result.stderr
+    found = measured("gazebo.py", "--steps", "200", "--rounds", "1")
     for text in ("| DART, 1 ms | ", "| ODE, 1 ms | ", "1 ms, over ROS 2 | ", "physics steps take"):
-        assert text in result.stdout
+        assert text in found
 
 
 @pytest.mark.gazebo
 def test_what_was_learned_on_each_plant_plays_on_every_other():
-    command = [sys.executable, BENCHMARKS / "transfer.py", "--steps", "100", "--runs", "1"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert result.returncode == 0, result.stderr
+    found = measured("transfer.py", "--steps", "100", "--runs", "1")
     for text in (
         "| reinforce | equations | ",
         "| q-learning | MuJoCo | ",
         "1 runs each, of which 0",
     ):
-        assert text in result.stdout
-    assert "| adaptive-lqr | Gazebo | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in result.stdout
+        assert text in found
+    assert "| adaptive-lqr | Gazebo | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in found
