@@ -12,6 +12,7 @@ from speed import machine, make_parser, put
 from upright.cartpole import Parameters, State
 from upright.gazebo.installation import find_gazebo
 from upright.gazebo.server import RESET, STEP, Server
+from upright.plants import count_steps
 from upright.plants.gazebo import Gazebo
 from upright.store import Result
 from upright.study import make_case, make_run
@@ -36,7 +37,7 @@ def physics_alone(settings: Gazebo, periods: int = 2_000) -> float:
     stop = np.zeros(1, np.bool_)
     server = Server(Parameters(), settings.engine, settings.physics_step, False, stop)
     server.ask(RESET, 0, State(0.0, 0.0, 0.01, 0.0))
-    steps = round(Parameters().time_step / settings.physics_step)
+    steps = count_steps(settings.physics_step, Parameters().time_step)
     times = []
     for _ in range(10):
         began = time.perf_counter()

@@ -4,12 +4,9 @@ Each agent learns from nothing on each plant, run after run, until a trial lasts
 it knows then plays one trial on every plant, where it learns no more.
 """
 
-import multiprocessing
-import os
-import signal
 import sys
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from typing import NamedTuple
 
 from speed import make_parser, put
@@ -17,6 +14,7 @@ from speed import make_parser, put
 from upright.plants import default_plant
 from upright.play import case_for, play
 from upright.policy import learned_policy
+from upright.processes import process_pool
 from upright.report import wilson_interval
 from upright.study import make_case, make_run
 
@@ -29,6 +27,10 @@ class Learner(NamedTuple):
 
     agent: str
     plant: str
+
+
+LEARNERS = [Learner(agent, plant) for agent in AGENTS for plant in PLANTS]
+"""In the order of the table."""
 
 
 def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
@@ -49,10 +51,8 @@ def transfer_all(
     """Yield who learned in a run, and the lengths of the trials after it, as runs end."""
     jobs: dict[Future[list[int] | None], Learner] = {}
     for run in range(runs):
-        for agent in AGENTS:
-            for plant in PLANTS:
-                learner = Learner(agent, plant)
-                jobs[workers.submit(transfer, learner, run, steps)] = learner
+        for learner in LEARNERS:
+            jobs[workers.submit(transfer, learner, run, steps)] = learner
     for number, job in enumerate(as_completed(jobs), 1):
         learner, lengths = jobs[job], job.result()
         print(f"{number} of {len(jobs)}: {' on '.join(learner)}: {lengths}", file=sys.stderr)
@@ -75,29 +75,22 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
     parser.add_argument("--runs", type=int, default=20, help="runs each (default 20)")
     arguments = parser.parse_args()
-    found: dict[Learner, list[list[int]]] = {}
+    found: dict[Learner, list[list[int]]] = {learner: [] for learner in LEARNERS}
     failed = 0
-    spawn = multiprocessing.get_context("spawn")
-    quietly = (signal.SIGINT, signal.SIG_DFL)
-    with ProcessPoolExecutor(os.cpu_count(), spawn, signal.signal, quietly) as workers:
+    with process_pool() as workers:
         for learner, lengths in transfer_all(arguments.runs, arguments.steps, workers):
             failed += lengths is None
             if lengths:
-                found.setdefault(learner, []).append(lengths)
+                found[learner].append(lengths)
     heads = ["agent", "learned on", *(f"balances {name}" for name in PLANTS.values())]
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
-    lines += [row(learner, found[learner], arguments.steps) for learner in sorted(found, key=place)]
+    lines += [row(learner, lasted, arguments.steps) for learner, lasted in found.items() if lasted]
     text = (
         "\n".join(lines) + f"\n\nTrials of {arguments.steps:,} steps without noise, random starts, "
         f"default settings, {arguments.runs} runs each, of which {failed} failed; 95 % intervals "
         "in brackets.\n"
     )
     put(text, arguments.output)
-
-
-def place(learner: Learner) -> tuple[int, int]:
-    """Return where in the table a learner stands."""
-    return AGENTS.index(learner.agent), list(PLANTS).index(learner.plant)
 
 
 if __name__ == "__main__":

@@ -44,12 +44,15 @@ def test_the_recorded_study_meets_its_targets(rows):
             assert row.mean_trials <= limits[row.agent]
 
 
+def recorded(page, where):
+    """Return agent, noise, success and mean trials of the runs on a plant or in a language."""
+    row = rf"^\| (\S+) \({where}\) \| default \| (\S+) \| (.*?) \| (.*?) \|"
+    return re.findall(row, (ROOT / page).read_text(), re.MULTILINE)
+
+
 def test_the_matlab_page_quotes_its_recorded_study():
     page = (ROOT / "docs/matlab.md").read_text()
-    recorded = (ROOT / "docs/results/matlab.md").read_text()
-    rows = re.findall(
-        r"^\| (\S+) \(MATLAB\) \| default \| (\S+) \| (.*?) \| (.*?) \|", recorded, re.M
-    )
+    rows = recorded("docs/results/matlab.md", "MATLAB")
     assert len(rows) == 3 * 7
     for agent, noise, success, mean in rows:
         line = re.search(rf"^\| {re.escape(noise)} \|.*$", page, re.MULTILINE)
@@ -60,10 +63,7 @@ def test_the_matlab_page_quotes_its_recorded_study():
 
 def test_the_gazebo_page_quotes_its_recorded_study():
     page = (ROOT / "docs/gazebo.md").read_text()
-    recorded = (ROOT / "docs/results/gazebo.md").read_text()
-    rows = re.findall(
-        r"^\| (\S+) \(gazebo\) \| default \| (\S+) \| (.*?) \| (.*?) \|", recorded, re.M
-    )
+    rows = recorded("docs/results/gazebo.md", "gazebo")
     assert len(rows) == 3 * 2
     for row in rows:
         assert f"| {' | '.join(row)} |" in page

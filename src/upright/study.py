@@ -3,10 +3,9 @@
 import hashlib
 import json
 import multiprocessing
-import signal
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
@@ -32,6 +31,7 @@ from upright.errors import UprightError, require, require_module, require_one_of
 from upright.interrupts import hold_interrupts, let_interrupts_through
 from upright.plants import PlantSettings, describe_plant, restore_plant
 from upright.plants.equations import SETTINGS as EQUATIONS
+from upright.processes import process_pool
 from upright.published import STEPS, TRIALS
 from upright.store import Result, Store
 from upright.task import CONDITIONS, Task, draw_plant, make_task
@@ -410,14 +410,7 @@ def _workers(cases: list[Case]) -> Executor:
     outside = {case.settings for case in cases if is_outside(case.agent)}
     if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in outside):
         return ThreadPoolExecutor(cpu_count())
-    # New processes, as a copy of one that has threads may hang. Ctrl-C reaches them too: they end
-    # at once and say nothing.
-    return ProcessPoolExecutor(
-        cpu_count(),
-        multiprocessing.get_context("spawn"),
-        signal.signal,
-        (signal.SIGINT, signal.SIG_DFL),
-    )
+    return process_pool()
 
 
 def check_study(runs: int, seed: int) -> None:
