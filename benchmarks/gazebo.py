@@ -9,13 +9,14 @@ import numpy as np
 from ros2 import REAL_TIME, agent_alone, learn, rates
 from speed import machine, make_parser, put
 
-from upright.cartpole import Parameters, State
-from upright.gazebo.installation import find_gazebo
-from upright.gazebo.server import RESET, STEP, Server
-from upright.plants import count_steps
-from upright.plants.gazebo import Gazebo
-from upright.store import Result
-from upright.study import make_case, make_run
+from upright.core.parameters import Parameters, State
+from upright.core.trials import Result
+from upright.plants.gazebo.installation import find_gazebo
+from upright.plants.gazebo.plant import Gazebo
+from upright.plants.gazebo.server import RESET, STEP, Server
+from upright.plants.settings import count_steps
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 ENGINES = {"DART, 1 ms": Gazebo(), "ODE, 1 ms": Gazebo("ode"), "DART, 2 ms": Gazebo("dart", 0.002)}
 

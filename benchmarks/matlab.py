@@ -14,8 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from speed import machine, make_parser, put
 
-from upright.matlab import command, find_program
-from upright.study import make_case, make_run, twister_numbers
+from upright.studies.case import make_case
+from upright.studies.matlab_twin import command, find_program
+from upright.studies.random_streams import twister_numbers
+from upright.studies.run import make_run
 
 BENCHMARKS = Path(__file__).parent
 

@@ -23,14 +23,18 @@ from sensor_msgs.msg import JointState
 from speed import machine, make_parser, put
 from std_msgs.msg import Float64MultiArray
 
-from upright import trials
-from upright.cartpole import Parameters, State, equations
-from upright.noise import Noise, disturb, measure
-from upright.plants.ros2 import Ros2
-from upright.plants.ros2_messages import Joints, read_numbers
+from upright.core import loops
+from upright.core.conditions import Noise
+from upright.core.noise import disturb, measure
+from upright.core.parameters import Parameters, State
+from upright.core.trials import Result
+from upright.plants.equations import equations
+from upright.plants.ros2.messages import Joints, read_numbers
+from upright.plants.ros2.plant import Ros2
 from upright.plants.urdf import HINGE, SLIDER
-from upright.store import Result
-from upright.study import make_case, make_run, random_numbers
+from upright.studies.case import make_case
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import make_run
 
 COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
 REAL_TIME = 1 / Parameters().time_step
@@ -137,7 +141,7 @@ def agent_alone() -> float:
     case = make_case("reinforce", steps=500, trials=20)
     rng = random_numbers(0, 0)
     agent, lengths, stop = case.settings.agent(rng), np.zeros(20, np.int64), np.zeros(1, np.bool_)
-    make = partial(trials.bound_run, agent, Idle(), stop=stop, rng=rng)
+    make = partial(loops.bound_run, agent, Idle(), stop=stop, rng=rng)
     make(task=case.task()._replace(trials=0), lengths=lengths)  # compiles
     began = time.perf_counter()
     make(task=case.task(), lengths=lengths)

@@ -25,12 +25,17 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from upright.cartpole import Parameters, State, equations, step, step_many
-from upright.compiled import compiled
-from upright.files import write_file
-from upright.study import make_case, make_run, random_numbers
-from upright.task import Task
-from upright.trials import compiled_run
+from upright.core.cartpole import step
+from upright.core.compiled import compiled
+from upright.core.loops import compiled_run
+from upright.core.many import step_many
+from upright.core.parameters import Parameters, State
+from upright.core.task import Task
+from upright.plants.equations import equations
+from upright.studies.case import make_case
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import make_run
+from upright.support.files import write_file
 
 FOLDER = Path(__file__).parent
 COMPILERS = {

@@ -12,11 +12,12 @@ from typing import NamedTuple
 from speed import make_parser, put
 
 from upright.plants import default_plant
-from upright.play import case_for, play
-from upright.policy import learned_policy
-from upright.processes import process_pool
-from upright.report import wilson_interval
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.intervals import wilson_interval
+from upright.studies.learned import learned_policy
+from upright.studies.playing import case_for, play
+from upright.studies.run import make_run
+from upright.support.processes import process_pool
 
 AGENTS = ("reinforce", "q-learning", "adaptive-lqr")
 PLANTS = {"equations": "equations", "mujoco": "MuJoCo", "gazebo": "Gazebo"}

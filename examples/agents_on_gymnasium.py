@@ -14,13 +14,14 @@ import time
 import gymnasium
 import numpy as np
 
-from upright.cartpole import State
+from upright.core.conditions import RUNS, STEPS
+from upright.core.parameters import State
+from upright.core.trials import Result, run
 from upright.errors import UprightError
-from upright.published import RUNS, STEPS
-from upright.report import render, summarise
-from upright.store import Result
-from upright.study import Case, make_case, random_numbers
-from upright.trials import run
+from upright.reports.statistics import summarise
+from upright.reports.tables import render
+from upright.studies.case import Case, make_case
+from upright.studies.random_streams import random_numbers
 
 
 class GymnasiumBody:

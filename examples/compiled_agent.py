@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.compiled import compiled
+from upright.core.compiled import compiled
 
 
 class HillClimber(NamedTuple):

@@ -10,7 +10,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from upright.cartpole import State
+from upright.core.parameters import State
 
 
 class TinyQ:

@@ -1,4 +1,4 @@
-"""Installs `upright_ros` for colcon; pip installs it as a part of `upright`."""
+"""Installs the package `upright_ros` for colcon; its programs are in `upright.nodes`."""
 
 from glob import glob
 from xml.etree import ElementTree
@@ -22,6 +22,8 @@ setup(
         *((f"{share}/{folder}", glob(f"{folder}/*.*")) for folder in ("launch", "config", "rviz")),
     ],
     entry_points={
-        "console_scripts": [f"{node} = {name}.{node}:main" for node in ("simulator", "learner")]
+        "console_scripts": [
+            f"{node} = upright.nodes.{node}:main" for node in ("simulator", "learner")
+        ]
     },
 )

@@ -10,8 +10,8 @@ from hypothesis import settings
 from octave import IS_THERE
 
 from upright.errors import UprightError
-from upright.gazebo.installation import find_gazebo
-from upright.store import Store
+from upright.plants.gazebo.installation import find_gazebo
+from upright.studies.store import Store
 
 
 class Program(NamedTuple):

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from upright.cartpole import Integrator, Parameters, State, equations, step
-from upright.report import Row
+from upright.core.cartpole import step
+from upright.core.parameters import Integrator, Parameters, State
+from upright.plants.equations import equations
+from upright.reports.statistics import Row
 
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)

@@ -7,11 +7,15 @@ from helpers import arrays
 from scipy.linalg import solve_discrete_are
 
 from upright.agents.adaptive_lqr import BLOCK, SETTINGS, AdaptiveLQR, design
-from upright.cartpole import Parameters, State, equations, step
+from upright.core.cartpole import step
+from upright.core.loops import compiled_run
+from upright.core.parameters import Parameters, State
+from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.study import make_case, make_run, random_numbers
-from upright.task import make_task
-from upright.trials import compiled_run
+from upright.plants.equations import equations
+from upright.studies.case import make_case
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import make_run
 
 DEFAULT = SETTINGS["default"]
 ANGLE = np.array([0.0, 0.0, 1.0, 0.0])

@@ -7,10 +7,11 @@ import pytest
 from scipy.stats import norm
 
 from upright.agents.ase_ace import NEGLIGIBLE, SETTINGS, AseAce, find_place
-from upright.agents.boxes import BARTO_SUTTON_ANDERSON, find_box
-from upright.cartpole import State
+from upright.agents.parts.boxes import BARTO_SUTTON_ANDERSON, find_box
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 PUBLISHED = SETTINGS["as-published"]
 

@@ -6,18 +6,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from upright import __version__, boards
+from upright import __version__
 from upright.agents import AGENTS
-from upright.boards import ROBUST, Study, board, leaderboard, make_rows, ranks, robust
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.conditions import PUBLISHED_NOISES
+from upright.core.trials import Result
 from upright.errors import UprightError
-from upright.exits import BAD_USE
-from upright.published import CASES, SOURCES
-from upright.report import Row, summarise
-from upright.store import Result, Store
-from upright.study import make_case
+from upright.reports import leaderboards
+from upright.reports.leaderboards import (
+    ROBUST,
+    BoardPlan,
+    board,
+    leaderboard,
+    make_rows,
+    ranks,
+    robust,
+)
+from upright.reports.published import SOURCES
+from upright.reports.statistics import Row, summarise
+from upright.studies.case import make_case
+from upright.studies.store import Store
+from upright.support.exit_status import BAD_USE
 
-SMALL = Study(("q-learning", "random-search"), runs=3, seed=4, steps=200)
+SMALL = BoardPlan(("q-learning", "random-search"), runs=3, seed=4, steps=200)
 
 
 def row(agent="random-search", low=1.0, high=2.0, mean=1.5, successes=10, runs=10, noise="none"):
@@ -145,15 +156,15 @@ def test_a_cell_has_rank_mean_interval_and_the_rate_where_runs_failed(made, expe
 
 
 def test_published_lines_stand_below_the_agents():
-    columns = {noise: [row(noise=noise)] for noise in CASES}
+    columns = {noise: [row(noise=noise)] for noise in PUBLISHED_NOISES}
     (table,) = tables(board(columns, published=True))
-    assert {len(line) for line in table} == {2 + len(CASES)}
+    assert {len(line) for line in table} == {2 + len(PUBLISHED_NOISES)}
     by_source = [(source, table[2 + i]) for i, source in enumerate(SOURCES)]
     assert len(table) == 2 + len(SOURCES)
     for source, line in by_source:
         name = f"{source.name} ({source.agent})" if source.agent else source.name
         assert line[0] == f"*{name}, {source.runs} runs, N = {source.steps:,}*"
-        figures = [source.mean_trials.get(noise) for noise in CASES]
+        figures = [source.mean_trials.get(noise) for noise in PUBLISHED_NOISES]
         assert line[2:] == ["–" if each is None else f"{each:.2f}" for each in figures]
 
 
@@ -165,7 +176,7 @@ def test_the_leaderboard_has_all_cases_agents_and_sources(made):
     found = tables(text)
     assert len(found) == 2
     for table in found:
-        assert table[0] == ["Agent", "Mean rank", *CASES]
+        assert table[0] == ["Agent", "Mean rank", *PUBLISHED_NOISES]
         assert {line[0] for line in table[1:3]} == {"`q-learning`", "`random-search`"}
         assert len(table[3:]) == len(SOURCES)
     assert text.index("## Start within ±0.05") < text.index("## Start exactly upright")
@@ -192,7 +203,7 @@ def test_the_robust_board_has_all_its_columns_and_tells_what_breaks_whom(made):
 
 def test_a_board_that_breaks_an_agent_says_so():
     rows = {"calm": [row("a"), row("b")], "windy": [row("a", successes=9), row("b", runs=10)]}
-    assert boards._broken(rows) == "- `a`: windy (90 %)\n- `b`: nothing"
+    assert leaderboards._broken(rows) == "- `a`: windy (90 %)\n- `b`: nothing"
 
 
 @pytest.mark.parametrize("name", ["leaderboard", "robust"])
@@ -206,8 +217,8 @@ def test_a_board_names_all_that_repeats_it(made, name):
 
 
 def test_what_is_usual_is_not_repeated_in_the_command():
-    assert "`upright leaderboard --seed 0`" in boards._made(Study(), "leaderboard")
-    assert Study().agents == tuple(AGENTS)
+    assert "`upright leaderboard --seed 0`" in leaderboards._made(BoardPlan(), "leaderboard")
+    assert BoardPlan().agents == tuple(AGENTS)
 
 
 @pytest.mark.parametrize("name", ["leaderboard", "robust"])
@@ -225,25 +236,25 @@ def test_the_command_that_a_board_names_repeats_it(made, name, tmp_path, monkeyp
 def test_the_usual_board_names_a_command_that_makes_it(name, usual, tmp_path, monkeypatch):
     """The number of steps that the command leaves out is the one that it would take."""
     studies = []
-    monkeypatch.setattr(boards, name, lambda path, study: studies.append((path, study)))
+    monkeypatch.setattr(leaderboards, name, lambda path, study: studies.append((path, study)))
     monkeypatch.chdir(tmp_path)
     assert run([name]) == 0
     (path, study), *_ = studies
     assert study.steps == usual
     assert path == f"docs/{name}.md"
-    command = re.search(r"`upright (.*)`", boards._made(study, name))[1]
+    command = re.search(r"`upright (.*)`", leaderboards._made(study, name))[1]
     assert "steps" not in command
     assert run(command.split()) == 0
     assert studies[1] == studies[0]
-    assert "--steps 600 " in boards._made(study._replace(steps=600), name)
+    assert "--steps 600 " in leaderboards._made(study._replace(steps=600), name)
     other = 660_000 - usual  # the usual one of the other board
-    assert f"--steps {other} " in boards._made(study._replace(steps=other), name)
+    assert f"--steps {other} " in leaderboards._made(study._replace(steps=other), name)
 
 
 def test_the_figures_beside_a_board_are_read_back(made):
     folder, _ = made
     rows = json.loads((folder / "new" / "leaderboard.json").read_text())
-    assert len(rows) == 2 * len(CASES) * 2
+    assert len(rows) == 2 * len(PUBLISHED_NOISES) * 2
     assert set(rows[0]) == {field.name for field in fields(Row)}
     cases = {(each["agent"], each["start"], each["noise"]) for each in rows}
     assert len(cases) == len(rows)
@@ -270,7 +281,7 @@ def test_it_says_what_is_measured(made):
 def test_a_board_made_again_takes_its_runs_from_the_store(made, tmp_path, monkeypatch):
     folder, _ = made
     again = SMALL._replace(store=folder / "kept" / "runs.sqlite")
-    monkeypatch.setattr("upright.study.make_run", None)  # nothing may be run
+    monkeypatch.setattr("upright.studies.study.make_run", None)  # nothing may be run
     for make, name in ((leaderboard, "leaderboard"), (robust, "robust")):
         make(tmp_path / f"{name}.md", again, lambda text: None)
         for kind in ("md", "json"):
@@ -279,11 +290,11 @@ def test_a_board_made_again_takes_its_runs_from_the_store(made, tmp_path, monkey
 
 
 def test_a_larger_board_makes_only_the_runs_that_are_missing(tmp_path, monkeypatch):
-    from upright import study
+    from upright.studies import study as studying
 
-    made, make = [], study.make_run
+    made, make = [], studying.make_run
     monkeypatch.setattr(
-        study,
+        studying,
         "make_run",
         lambda case, seed, run, **more: made.append(run) or make(case, seed, run, **more),
     )
@@ -305,7 +316,7 @@ def test_a_larger_board_makes_only_the_runs_that_are_missing(tmp_path, monkeypat
 @pytest.fixture
 def no_runs(monkeypatch):
     """Make every run an error."""
-    monkeypatch.setattr("upright.boards.study_with_progress", None)
+    monkeypatch.setattr("upright.reports.leaderboards.study_with_progress", None)
 
 
 @pytest.mark.parametrize(

@@ -7,18 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from upright.cartpole import (
-    Integrator,
-    Parameters,
-    State,
-    accelerations,
-    check_parameters,
-    equations,
-    has_fallen,
-    step,
-    step_many,
-)
+from upright.core.cartpole import accelerations, has_fallen, step
+from upright.core.many import step_many
+from upright.core.parameters import Integrator, Parameters, State, check_parameters
 from upright.errors import UprightError
+from upright.plants.equations import equations
 
 PARAMETERS = Parameters()
 SMOOTH = Parameters(cart_friction=0.0, pole_friction=0.0)

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
-from upright.cli import run
-from upright.exits import BAD_USE, FAILED, INTERRUPTED
-from upright.policy import learned_policy, save_policy
-from upright.study import make_case
+from upright.commands.cli import run
+from upright.policies.npz_file import save_policy
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
 UPRIGHT = [
     sys.executable,

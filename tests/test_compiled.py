@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from helpers import LinearAgent, python
 
-from upright import compiled
 from upright.agents import AGENTS, named_settings
-from upright.compiled import PACKAGE, is_compiled, sources_hash
+from upright.core import compiled
+from upright.core.compiled import PACKAGE, is_compiled, sources_hash
 
 
 @pytest.fixture

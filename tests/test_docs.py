@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 from helpers import recorded_rows
 
-from upright.report import mean_text
-from upright.reproduce import report
+from upright.reports.reproduction import report
+from upright.reports.tables import mean_text
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")]

@@ -12,9 +12,12 @@ import pytest
 from helpers import UPRIGHT, python
 from PIL import Image
 
-from upright import drawing
-from upright.cartpole import Parameters, State
-from upright.drawing import (
+from upright.core.parameters import Parameters, State
+from upright.errors import UprightError
+from upright.pictures import picture as drawing
+from upright.pictures import text as text_module
+from upright.pictures import video as video_module
+from upright.pictures.picture import (
     CART,
     FORCE,
     GAUGE_X,
@@ -26,13 +29,12 @@ from upright.drawing import (
     ROOM_ABOVE,
     TRACK_Y,
     WIDTH,
-    Scene,
-    Window,
     picture,
-    text_picture,
-    write_video,
 )
-from upright.errors import UprightError
+from upright.pictures.scene import Scene
+from upright.pictures.text import text_picture
+from upright.pictures.video import write_video
+from upright.pictures.window import Window
 
 NOMINAL = Parameters()
 
@@ -226,7 +228,7 @@ def test_text_shows_cart_and_pole():
 def test_text_of_the_mirrored_state_is_mirrored():
     def world(state):
         rows = text_picture(NOMINAL, Scene(state)).splitlines()[1:-2]
-        width = drawing.COLUMNS + 2 * drawing.ROWS
+        width = text_module.COLUMNS + 2 * text_module.ROWS
         return [row.ljust(width) for row in rows]
 
     swapped = str.maketrans("/\\", "\\/")
@@ -323,7 +325,7 @@ def test_a_writer_that_fails_on_the_way_leaves_nothing(monkeypatch, tmp_path):
     failing = tmp_path / "failing"
     failing.write_text("#!/bin/sh\nhead -c 1000000 >/dev/null\necho disk full >&2\nexit 1\n")
     failing.chmod(0o755)
-    monkeypatch.setattr(drawing, "_ffmpeg", lambda: str(failing))
+    monkeypatch.setattr(video_module, "_ffmpeg", lambda: str(failing))
     with pytest.raises(UprightError, match=r"film\.mp4.*disk full"):
         write_video(tmp_path / "film.mp4", frames(10), 50)
     assert list(tmp_path.iterdir()) == [failing]

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from upright.compiled import compiled
-from upright.elementary import (
+from upright.core.compiled import compiled
+from upright.core.portable_math import (
     SMALL,
     cosine_of_turns,
     logarithm,

@@ -11,13 +11,16 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from helpers import GOOD_WEIGHTS, python
 
-from upright.cartpole import Integrator, Parameters, State, equations, step
-from upright.env import CartPoleEnv, CartPoleVectorEnv, StreamOfLane
+from upright.core.cartpole import step
+from upright.core.conditions import NOISES, Noise
+from upright.core.many import PART
+from upright.core.parameters import Integrator, Parameters, State
+from upright.core.task import make_task
+from upright.core.trials import trial
+from upright.environments.cartpole_env import CartPoleEnv, StreamOfLane
+from upright.environments.vector_env import CartPoleVectorEnv
 from upright.errors import UprightError
-from upright.lanes import PART
-from upright.noise import NOISES, Noise
-from upright.task import make_task
-from upright.trials import trial
+from upright.plants.equations import equations
 
 NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
 MODES = ("NextStep", "SameStep", "Disabled")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers import POOR_WEIGHTS, LinearAgent
 
-from upright import trials
+from upright.core import trials
 from upright.errors import UprightError
-from upright.study import make_case
+from upright.studies.case import make_case
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -13,17 +13,23 @@ import onnxruntime
 import pytest
 
 from upright.agents import AGENTS
-from upright.agents.forms import BLOCK, Table
+from upright.agents.parts.policy_form import BLOCK, Table
 from upright.agents.q_learning import QLearning
-from upright.cartpole import State, equations
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import State
+from upright.core.task import make_task
+from upright.core.trials import trial
 from upright.errors import UprightError
-from upright.exits import BAD_USE
-from upright.export import IR_VERSION, OPSET, c_header, export_policy, onnx_model
-from upright.policy import Policy, learned_policy, save_policy
-from upright.study import make_case, make_run
-from upright.task import make_task
-from upright.trials import trial
+from upright.plants.equations import equations
+from upright.policies.c99 import c_header
+from upright.policies.files import export_policy
+from upright.policies.npz_file import save_policy
+from upright.policies.onnx import IR_VERSION, OPSET, onnx_model
+from upright.policies.policy import Policy
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.run import make_run
+from upright.support.exit_status import BAD_USE
 
 COUNT = 10_000
 FLAGS = "-Wall -Wextra -Werror -pedantic -Wconversion -Wfloat-conversion -Wdouble-promotion"

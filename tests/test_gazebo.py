@@ -14,14 +14,15 @@ import pytest
 from helpers import PUSHES, FinePlant, trajectory
 from matplotlib.image import imread
 
-from upright.cartpole import Parameters, State
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import Parameters, State
+from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.exits import BAD_USE, INTERRUPTED
-from upright.gazebo import server
-from upright.plants.gazebo import Gazebo
-from upright.study import make_case, make_run
-from upright.task import make_task
+from upright.plants.gazebo import server
+from upright.plants.gazebo.plant import Gazebo
+from upright.studies.case import make_case
+from upright.studies.run import make_run
+from upright.support.exit_status import BAD_USE, INTERRUPTED
 
 pytestmark = pytest.mark.gazebo
 STATE = State(0.1, -0.2, 0.03, 0.4)

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from upright.cli import run
+from upright.commands.cli import run
 from upright.errors import UprightError
-from upright.gazebo import installation, installer
-from upright.gazebo.installation import LIBRARY, environment, find_gazebo
-from upright.gazebo.installer import (
+from upright.plants.gazebo import installation, installer
+from upright.plants.gazebo.installation import LIBRARY, environment, find_gazebo
+from upright.plants.gazebo.installer import (
     Apt,
     Package,
     bring,

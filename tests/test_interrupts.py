@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from upright.interrupts import hold_interrupts, let_interrupts_through
+from upright.support.interrupts import hold_interrupts, let_interrupts_through
 
 
 def interrupt():

@@ -13,29 +13,24 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from upright.agents import AGENTS
-from upright.agents.form_data import MOST_LAYERS, MOST_WEIGHTS, UNITS, form_entries, restore_form
-from upright.agents.forms import BLOCK, Layer, Network, Table
-from upright.agents.played import make_memory
+from upright.agents.parts.policy_form import BLOCK, Layer, Network, Table
 from upright.agents.q_learning import QLearning
-from upright.cartpole import State
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.exits import BAD_USE
-from upright.export import c_header, export_policy
-from upright.play import case_for, play
-from upright.policy import (
-    JSON_FORMAT,
-    JSON_LIMIT,
-    JSON_MARKS,
-    LONGEST_ERROR,
-    Policy,
-    describe,
-    learned_policy,
-    load_policy,
-    read_header,
-    save_policy,
-)
-from upright.study import make_case, make_run
+from upright.policies.c99 import c_header
+from upright.policies.checks import LONGEST_ERROR
+from upright.policies.files import export_policy, load_policy, read_header
+from upright.policies.form_json import MOST_LAYERS, MOST_WEIGHTS, UNITS, form_entries, restore_form
+from upright.policies.form_player import make_memory
+from upright.policies.json_file import JSON_FORMAT, JSON_LIMIT, JSON_MARKS
+from upright.policies.npz_file import save_policy
+from upright.policies.policy import Policy, describe
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.playing import case_for, play
+from upright.studies.run import make_run
+from upright.support.exit_status import BAD_USE
 
 COUNT = 5_000
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}

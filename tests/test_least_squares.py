@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from upright.agents.least_squares import factorise, solve
+from upright.agents.parts.least_squares import factorise, solve
 
 
 @pytest.fixture

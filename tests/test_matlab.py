@@ -15,19 +15,25 @@ import pytest
 from octave import HAS_COMPILER, MATLAB, octave, octave_numbers
 from octave import matrix as in_octave
 
-from upright import matlab
 from upright.agents import AGENTS, MATLAB_AGENTS, named_settings
-from upright.cartpole import Parameters, State, step
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.cartpole import step
+from upright.core.conditions import NOISES, PUBLISHED_NOISES
+from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
-from upright.export import export_policy
-from upright.noise import NOISES
-from upright.play import case_for, play
-from upright.policy import learned_policy, load_policy
-from upright.published import CASES, SOURCES
-from upright.report import Row, bootstrap_interval, render, summarise_all, wilson_interval
-from upright.store import Store
-from upright.study import make_case, make_run, stored, study, twister_numbers
+from upright.policies.files import export_policy, load_policy
+from upright.reports.published import SOURCES
+from upright.reports.statistics import Row, summarise_all
+from upright.reports.tables import render
+from upright.studies import matlab_twin
+from upright.studies.case import make_case
+from upright.studies.intervals import bootstrap_interval, wilson_interval
+from upright.studies.learned import learned_policy
+from upright.studies.playing import case_for, play
+from upright.studies.random_streams import twister_numbers
+from upright.studies.run import make_run
+from upright.studies.store import Store
+from upright.studies.study import stored, study
 
 octave_is_used = pytest.mark.octave
 PUBLIC = sorted(path.stem for path in (MATLAB / "+upright").glob("*.m") if path.stem != "Contents")
@@ -88,17 +94,19 @@ def test_parameters_noises_and_published_figures_are_those_of_the_package():
     )
     ours = Parameters()._asdict()
     assert told["parameters"] == {name: ours[name] for name in ours if name != "integrator"}
-    assert tuple(told["names"]) == CASES
+    assert tuple(told["names"]) == PUBLISHED_NOISES
     noises = dict(zip(told["noises"]["name"], told["noises"]["noise"], strict=True))
     assert noises.keys() == NOISES.keys()
     for name, noise in noises.items():
         assert noise == {size: getattr(NOISES[name], size) for size in noise}
     for agent in ("reinforce", "q-learning"):
-        figures = dict(zip(CASES, told[agent.replace("-", "_")], strict=True))
+        figures = dict(zip(PUBLISHED_NOISES, told[agent.replace("-", "_")], strict=True))
         for source in SOURCES[:4]:
             if source.agent in (None, agent):
                 name = source.name.replace(" & ", " and ").replace(" ", "_")
-                found = {case: figures[case][name] for case in CASES if figures[case][name]}
+                found = {
+                    case: figures[case][name] for case in PUBLISHED_NOISES if figures[case][name]
+                }
                 assert found == source.mean_trials
 
 
@@ -356,7 +364,7 @@ def fake_program(folder: Path, monkeypatch, script: str) -> None:
     program = folder / "some-octave"
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)
-    monkeypatch.setenv(matlab.CHOICE, str(program))
+    monkeypatch.setenv(matlab_twin.CHOICE, str(program))
 
 
 def refusal(capsys, *arguments: str) -> str:
@@ -367,11 +375,11 @@ def refusal(capsys, *arguments: str) -> str:
 
 def test_without_octave_one_line_says_how_to_get_it(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv(matlab.CHOICE, raising=False)
+    monkeypatch.delenv(matlab_twin.CHOICE, raising=False)
     line = refusal(capsys)
     assert "neither MATLAB nor GNU Octave is on the path" in line
     assert "apt-get install octave" in line
-    monkeypatch.setenv(matlab.CHOICE, "no-such-octave")
+    monkeypatch.setenv(matlab_twin.CHOICE, "no-such-octave")
     assert "UPRIGHT_MATLAB is 'no-such-octave'" in refusal(capsys)
 
 

@@ -10,11 +10,11 @@ import pytest
 from octave import HAS_COMPILER, MATLAB
 
 from upright.agents.q_learning import SETTINGS
-from upright.cartpole import equations
-from upright.noise import NOISES
-from upright.study import twister
-from upright.task import make_task
-from upright.trials import compiled_run
+from upright.core.conditions import NOISES
+from upright.core.loops import compiled_run
+from upright.core.task import make_task
+from upright.plants.equations import equations
+from upright.studies.random_streams import twister
 
 DEFAULT, PUBLISHED = SETTINGS["default"], SETTINGS["as-published"]
 OTHERS = (

@@ -22,14 +22,17 @@ from helpers import (
 )
 
 from upright.agents import named_settings
-from upright.cartpole import Integrator, Parameters, State, equations
-from upright.compiled import is_compiled
+from upright.core.compiled import is_compiled
+from upright.core.loops import compiled_run
+from upright.core.parameters import Integrator, Parameters, State
+from upright.core.task import make_task
+from upright.core.trials import run
 from upright.errors import UprightError
+from upright.plants.equations import equations
 from upright.plants.mujoco import INTEGRATORS, Mujoco
-from upright.play import Player
-from upright.study import make_case, make_run
-from upright.task import make_task
-from upright.trials import compiled_run, run
+from upright.studies.case import make_case
+from upright.studies.playing import Player
+from upright.studies.run import make_run
 
 SMOOTH = Parameters(cart_friction=0.0, pole_friction=0.0)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)

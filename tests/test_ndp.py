@@ -14,10 +14,13 @@ from upright.agents.ndp import (
     DirectNDP,
     squash,
 )
-from upright.cartpole import State
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.policy import learned_policy, load_policy, save_policy
-from upright.study import make_case, make_run
+from upright.policies.files import load_policy
+from upright.policies.npz_file import save_policy
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.run import make_run
 
 HERE, THERE = State(0.4, -0.9, 0.06, 0.5), State(0.3, -1.2, 0.08, 0.9)
 LAYERS = ("layer_1", "layer_2")

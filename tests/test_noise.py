@@ -6,10 +6,12 @@ import pytest
 from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant
 from scipy import stats
 
-from upright.cartpole import State, step
-from upright.noise import NOISES, Noise, disturb, draw_start, measure
-from upright.task import STARTS, make_task
-from upright.trials import trial
+from upright.core.cartpole import step
+from upright.core.conditions import NOISES, STARTS, Noise
+from upright.core.noise import disturb, draw_start, measure
+from upright.core.parameters import State
+from upright.core.task import make_task
+from upright.core.trials import trial
 
 TRUE = State(0.7, -0.9, 0.13, -1.1)
 SAMPLES = 4000

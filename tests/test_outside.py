@@ -15,28 +15,24 @@ import pytest
 from helpers import python
 from numba._dispatcher import compute_fingerprint
 
-from upright import study as study_module
-from upright import trials
 from upright.agents import AGENTS, named_settings, restore_settings
-from upright.agents.outside import Outside, is_learner
-from upright.cartpole import State, equations
-from upright.cli import run
-from upright.compiled import CACHE_FOLDER, explain
+from upright.agents.custom import CustomAgent, is_learner
+from upright.commands.cli import run
+from upright.core import loops, trials
+from upright.core.compiled import CACHE_FOLDER, explain
+from upright.core.parameters import State
+from upright.environments.trial_protocol import run_learner
 from upright.errors import UprightError
-from upright.exits import BAD_USE, FAILED, INTERRUPTED
-from upright.plots import play
-from upright.policy import load_policy
-from upright.protocol import run_learner
-from upright.store import Store
-from upright.study import (
-    _workers,
-    choose_loop,
-    make_case,
-    make_run,
-    random_numbers,
-    rule_version,
-    study,
-)
+from upright.plants.equations import equations
+from upright.policies.files import load_policy
+from upright.reports.plots import trajectory
+from upright.studies.case import make_case
+from upright.studies.fingerprint import fingerprint
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import choose_loop, make_run
+from upright.studies.store import Store
+from upright.studies.study import _workers, study
+from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ("examples.plain_agent:TinyQ", "examples.compiled_agent:hill_climber")
@@ -129,7 +125,7 @@ METHODS = """
 def forget(name):
     """Forget a module, as a new process would."""
     sys.modules.pop(name, None)
-    rule_version.cache_clear()
+    fingerprint.cache_clear()
     importlib.invalidate_caches()
 
 
@@ -215,7 +211,7 @@ def test_a_rule_is_the_same_plain_and_compiled(noise, write, compiled_case):
     fast = make_case(compiled_case.agent, steps=300, trials=15, noise=noise)
     assert choose_loop(plain, make_run(plain, 3, 0)[0], equations()) is trials.run
     agent = make_run(fast, 3, 0)[0]
-    assert choose_loop(fast, agent, equations()) is trials.outside_run(type(agent))
+    assert choose_loop(fast, agent, equations()) is loops.custom_run(type(agent))
     assert lengths(plain) == lengths(fast)
     assert len({tuple(each) for each in lengths(fast)}) == 4
 
@@ -471,12 +467,6 @@ def test_a_mistake_in_a_learner_is_its_author_s_to_see(write):
         make_run(make_case(agent, steps=300), 0, 0)
 
 
-def test_the_sources_that_a_learner_goes_through_identify_its_runs(write, monkeypatch):
-    monkeypatch.setattr(study_module, "sources_hash", lambda *names: " ".join([*names, ""]))
-    rule = rule_version.__wrapped__(f"{write(LEARNER)}:Guess")
-    assert {"env.py", "protocol.py", "noise.py", "cartpole.py"} <= set(rule.split())
-
-
 def test_an_agent_with_a_method_train_is_still_an_agent(write):
     text = PLAIN + "\n        def train(self, env): ...\n"
     assert not is_learner(make_case(f"{write(text)}:Climber").settings.agent(None))
@@ -505,7 +495,7 @@ def test_a_policy_from_outside_is_saved_and_played(compiled_case, tmp_path, caps
     pushes = [policy.push_probability(point) for point in points]
     assert pushes == [float(memory.push_probability(State(*point))) for point in points]
     assert {0.0, 1.0} == set(pushes)
-    assert play(policy, compiled_case.task()).shape[1] == 4
+    assert trajectory(policy, compiled_case.task()).shape[1] == 4
     capsys.readouterr()
 
 
@@ -561,7 +551,7 @@ def test_a_store_outlives_its_agent(write, tmp_path, capsys):
 def test_settings_from_outside_are_read_back(write):
     agent = f"{write(PLAIN)}:Climber"
     settings = named_settings(agent)["default"]
-    assert restore_settings(agent, asdict(settings)) == settings == Outside(agent)
+    assert restore_settings(agent, asdict(settings)) == settings == CustomAgent(agent)
     with pytest.raises(UprightError, match="are not those of"):
         restore_settings(agent, {"tempo": 3})
 

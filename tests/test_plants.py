@@ -2,16 +2,18 @@ import numpy as np
 import pytest
 
 from upright.agents import named_settings
-from upright.cartpole import Parameters, State
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import Parameters, State
+from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.exits import BAD_USE
 from upright.plants import PLANTS, default_plant, describe_plant, restore_plant
 from upright.plants.mujoco import Mujoco
-from upright.store import Store
-from upright.study import Case, make_case, make_run, study
-from upright.study import stored as stored_cases
-from upright.task import make_task
+from upright.studies.case import Case, make_case
+from upright.studies.run import make_run
+from upright.studies.store import Store
+from upright.studies.study import stored as stored_cases
+from upright.studies.study import study
+from upright.support.exit_status import BAD_USE
 
 HERE = ["equations", "mujoco", pytest.param("gazebo", marks=pytest.mark.gazebo)]
 """Plants that can be made here (of ROS 2's see test_ros2.py)."""

@@ -5,15 +5,17 @@ from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, ar
 from PIL import Image
 
 from upright.agents import AGENTS
-from upright.cartpole import State
-from upright.drawing import HEIGHT, WIDTH
+from upright.core.parameters import State
+from upright.core.task import make_task
+from upright.core.trials import trial
 from upright.errors import UprightError
-from upright.play import PAUSE, Played, case_for, pictures, play, prepare, record
-from upright.policy import Policy, learned_policy
-from upright.study import make_case, make_run
-from upright.task import make_task
-from upright.trials import trial
-from upright.watch import watch_play
+from upright.pictures.picture import HEIGHT, WIDTH
+from upright.policies.policy import Policy
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.playing import PAUSE, TrialOutcome, case_for, pictures, play, prepare, record
+from upright.studies.run import make_run
+from upright.studies.watching import watch_play
 
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
 """A task on which trials have all kinds of lengths."""
@@ -41,7 +43,7 @@ def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned
     compiled = list(play(policy, case, 8, seed=3))
     for episode, played in enumerate(compiled):
         steps, fallen = trial(policy, *prepare(case, 3, episode, GO_ON))
-        assert played == Played(steps, not fallen)
+        assert played == TrialOutcome(steps, not fallen)
     assert len({played.steps for played in compiled}) > 1
 
 
@@ -52,7 +54,7 @@ def test_a_policy_from_outside_plays_in_python():
 
     policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), {})
     case = make_case("random-search", steps=500)
-    assert list(play(policy, case, 2, seed=0)) == [Played(500, True)] * 2
+    assert list(play(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
 
 
 @pytest.mark.parametrize(
@@ -77,7 +79,7 @@ def test_a_policy_with_a_history_remembers_and_forgets(learned):
     policy = learned["adaptive-lqr"]
     case = case_for(policy, steps=5)
     for _ in range(2):
-        assert list(play(policy, case, 1, seed=0)) == [Played(5, True)]
+        assert list(play(policy, case, 1, seed=0)) == [TrialOutcome(5, True)]
         assert policy.memory.steps[0] == 5
 
 
@@ -117,7 +119,7 @@ def test_a_recording_has_what_happened_and_what_the_agent_saw():
     task = make_task(noise="all-10", steps=50, condition="delay-1")._replace(trials=1)
     task = task._replace(noise=task.noise._replace(actuator=0.1))
     scenes, played = record(agent, plant, task, np.random.default_rng(0))
-    assert played == Played(50, True)
+    assert played == TrialOutcome(50, True)
     assert [scene.state for scene in scenes] == [*plant.starts, *plant.states[0]]
     assert [scene.force for scene in scenes] == [0.0, *plant.forces[0]]
     (moves,) = agent.moves
@@ -128,7 +130,11 @@ def test_a_recording_has_what_happened_and_what_the_agent_saw():
 
 def test_a_fall_at_the_last_step_is_no_success():
     task = make_task(steps=3)
-    for fall, played in ((3, Played(3, False)), (4, Played(3, True)), (1, Played(1, False))):
+    for fall, played in (
+        (3, TrialOutcome(3, False)),
+        (4, TrialOutcome(3, True)),
+        (1, TrialOutcome(1, False)),
+    ):
         agent, rng = LinearAgent(*GOOD_WEIGHTS), np.random.default_rng(0)
         assert record(agent, ScriptedPlant(fall), task, rng)[1] == played
 
@@ -141,7 +147,7 @@ def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeyp
         assert scene.measured.theta != scene.state.theta or scene.state.theta == 0
         return len(captions)
 
-    monkeypatch.setattr("upright.play.picture", draw)
+    monkeypatch.setattr("upright.studies.playing.picture", draw)
     policy = learned["random-search"]
     case = case_for(policy, noise="gaussian-0.2", start="wide", steps=100)
     shown = list(pictures(policy, case, 4, 5, told.append))
@@ -208,7 +214,7 @@ def test_a_window_shows_the_trials_and_may_be_closed(capsys, monkeypatch):
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_q))
         return np.zeros((HEIGHT, WIDTH, 3), np.uint8)
 
-    monkeypatch.setattr("upright.play.picture", lambda _, scene: post(scene))
+    monkeypatch.setattr("upright.studies.playing.picture", lambda _, scene: post(scene))
     assert watch_play(policy, case, 1, 0, window=True) == []
     assert capsys.readouterr().out == "no trial was played to its end\n"
     assert State(*policy.memory.weights) == State(0, 0, 0, 0)

@@ -12,13 +12,17 @@ from helpers import LEARNED_ON
 
 from upright.agents import AGENTS, named_settings
 from upright.agents.reinforce import MOST_KEPT, Reinforce
-from upright.cartpole import Parameters, State
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
-from upright.exits import BAD_USE
-from upright.plots import play
-from upright.policy import FORMAT, describe, learned_policy, load_policy, read_header, save_policy
-from upright.study import make_case, make_run
+from upright.policies.files import load_policy, read_header
+from upright.policies.npz_file import FORMAT, save_policy
+from upright.policies.policy import describe
+from upright.reports.plots import trajectory
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.run import make_run
+from upright.support.exit_status import BAD_USE
 
 
 def learn(agent):
@@ -57,15 +61,15 @@ def test_a_policy_read_back_balances_alike(learned, tmp_path):
     assert again.task == policy.task == LEARNED_ON
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
         assert again.push_probability(point) == policy.push_probability(State(*point))
-    states = play(again, case.task())
-    np.testing.assert_array_equal(states, play(policy, case.task()))
+    states = trajectory(again, case.task())
+    np.testing.assert_array_equal(states, trajectory(policy, case.task()))
     assert len(states) > 200  # far more than without control
 
 
 def test_playing_teaches_nothing():
     case, policy = learn("reinforce")
     before = [array.copy() for array in policy.memory.network]
-    play(policy, case.task()._replace(steps=100_000), seed=3)
+    trajectory(policy, case.task()._replace(steps=100_000), seed=3)
     for array, old in zip(policy.memory.network, before, strict=True):
         np.testing.assert_array_equal(array, old)
 

@@ -5,16 +5,18 @@ from gymnasium.error import ResetNeeded
 from helpers import HARD_START, python
 
 import upright  # noqa: F401 - makes the environments known
-from upright import trials
 from upright.agents import named_settings
-from upright.agents.outside import Outside
-from upright.cartpole import State, equations
-from upright.env import CartPoleEnv
+from upright.agents.custom import CustomAgent
+from upright.core import trials
+from upright.core.parameters import State
+from upright.core.task import make_task
+from upright.environments.cartpole_env import CartPoleEnv
+from upright.environments.trial_protocol import RunOver, TrialProtocol, run_learner
 from upright.errors import UprightError
-from upright.protocol import RunOver, TrialProtocol, run_learner
-from upright.report import render, summarise
-from upright.study import Case
-from upright.task import make_task
+from upright.plants.equations import equations
+from upright.reports.statistics import summarise
+from upright.reports.tables import render
+from upright.studies.case import Case
 
 
 class ScriptedEnv(gymnasium.Env):
@@ -260,8 +262,8 @@ def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
 
 def test_only_who_needs_gymnasium_imports_it():
     ended = python(
-        "import sys, upright.cli, upright.study, upright.agents.outside\n"
-        "print({'gymnasium', 'upright.env', 'upright.protocol'} & set(sys.modules))"
+        "import sys, upright.commands.cli, upright.studies.study, upright.agents.custom\n"
+        "print({'upright.environments.cartpole_env', 'gymnasium'} & set(sys.modules))"
     )
     assert ended.stdout == "set()\n", ended.stderr
 
@@ -272,7 +274,7 @@ def test_results_counted_by_hand_make_a_table():
         env = TrialProtocol(ScriptedEnv(*ends), steps=7)
         go_on(env)
         results.append(env.result(run))
-    case = Case("elsewhere:mine", "default", Outside("elsewhere:mine"), steps=7)
+    case = Case("elsewhere:mine", "default", CustomAgent("elsewhere:mine"), steps=7)
     row = summarise(case, 0, results)
     assert (row.runs, row.successes, row.mean_trials) == (2, 2, 2.5)
     assert "elsewhere:mine" in render([row], "text")

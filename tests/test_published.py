@@ -1,8 +1,8 @@
 import pytest
 
 from upright.agents import AGENTS
-from upright.noise import NOISES
-from upright.published import CASES, SOURCES, figures
+from upright.core.conditions import NOISES, PUBLISHED_NOISES
+from upright.reports.published import SOURCES, figures
 
 TABLES = {(source.name, source.agent): source for source in SOURCES}
 REPORT_1, REPORT_2 = ("Report", "reinforce"), ("Report", "q-learning")
@@ -10,8 +10,8 @@ SI_WANG, HE, CARTPOLEMOD = (("Si & Wang 2001", None), ("He 2012", None), ("gym-c
 
 
 def test_every_published_case_is_a_noise_case():
-    assert set(CASES) <= set(NOISES)
-    assert len(CASES) == 7
+    assert set(PUBLISHED_NOISES) <= set(NOISES)
+    assert len(PUBLISHED_NOISES) == 7
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_runs_and_steps_are_those_of_the_protocol(table, runs, steps):
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: f"{source.name}-{source.agent}")
 def test_sources_are_whole(source):
-    expected = {"none"} if source is TABLES[REPORT_2] else set(CASES)
+    expected = {"none"} if source is TABLES[REPORT_2] else set(PUBLISHED_NOISES)
     assert set(source.mean_trials) == expected
     assert source.agent is None or source.agent in AGENTS
     assert source.citation

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from upright.agents.boxes import find_box
+from upright.agents.parts.boxes import find_box
 from upright.agents.q_learning import SETTINGS, QLearning, entry
-from upright.cartpole import State
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 EDGES = ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges")
 

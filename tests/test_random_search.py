@@ -3,9 +3,10 @@ import pytest
 
 from upright.agents import named_settings
 from upright.agents.random_search import RandomSearch
-from upright.cartpole import State
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 SEEN = State(0.3, -0.2, 0.1, 0.4)
 

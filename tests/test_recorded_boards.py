@@ -5,8 +5,16 @@ from pathlib import Path
 import pytest
 from helpers import recorded_rows
 
-from upright.boards import PUBLISHED, ROBUST, USUAL_STEPS, Study, leaderboard_text, robust_text
-from upright.published import CASES, SOURCES
+from upright.core.conditions import PUBLISHED_NOISES
+from upright.reports.leaderboards import (
+    PUBLISHED,
+    ROBUST,
+    USUAL_STEPS,
+    BoardPlan,
+    leaderboard_text,
+    robust_text,
+)
+from upright.reports.published import SOURCES
 
 DOCS = Path(__file__).parent.parent / "docs"
 BOARDS = {"leaderboard": (PUBLISHED, leaderboard_text), "robust": (ROBUST, robust_text)}
@@ -34,11 +42,11 @@ def recorded(name):
 def test_the_recorded_board_is_what_the_program_writes(name):
     rows = recorded(name)
     assert all(row.runs == 100 and row.seed == 0 for some in rows.values() for row in some)
-    study = Study(steps=USUAL_STEPS[name])
+    study = BoardPlan(steps=USUAL_STEPS[name])
     assert (DOCS / f"{name}.md").read_text() == BOARDS[name][1](rows, study)
 
 
-@pytest.mark.parametrize("noise", CASES)
+@pytest.mark.parametrize("noise", PUBLISHED_NOISES)
 def test_the_readme_quotes_the_leaderboard(noise):
     lines = (DOCS.parent / "README.md").read_text().partition("## The leaderboard")[2].splitlines()
     (line,) = (line for line in lines if line.startswith(f"| {noise} |"))
@@ -50,7 +58,7 @@ def test_the_readme_quotes_the_leaderboard(noise):
         assert line.split("|")[place].strip(" *") == mean + rate
 
 
-@pytest.mark.parametrize("noise", CASES)
+@pytest.mark.parametrize("noise", PUBLISHED_NOISES)
 def test_adaptive_lqr_beats_every_published_figure_and_its_target(noise):
     rows = recorded("leaderboard")
     published = min(s.mean_trials[noise] for s in SOURCES if noise in s.mean_trials)

@@ -13,9 +13,10 @@ from upright.agents.reinforce import (
     set_advantages,
     set_gradient,
 )
-from upright.cartpole import State
+from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 LENGTHS = (12, 5, 20)
 """Of the episodes in `filled_agent`; the last one is longer than the memory of an episode."""

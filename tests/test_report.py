@@ -6,20 +6,19 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from upright.report import (
-    bootstrap_interval,
+from upright.core.trials import Result
+from upright.reports.statistics import summarise
+from upright.reports.tables import (
     render,
     study_table,
-    summarise,
     to_csv,
     to_json,
     to_latex,
     to_markdown,
     to_text,
-    wilson_interval,
 )
-from upright.store import Result
-from upright.study import make_case
+from upright.studies.case import make_case
+from upright.studies.intervals import bootstrap_interval, wilson_interval
 
 
 def result(run, trials, success=True, steps=100):

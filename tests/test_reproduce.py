@@ -3,9 +3,9 @@ import re
 
 import pytest
 
-from upright.reproduce import reproduce
-from upright.store import Store
-from upright.study import make_case
+from upright.reports.reproduction import reproduce
+from upright.studies.case import make_case
+from upright.studies.store import Store
 
 PICTURES = ("learning-curves.png", "trials.png", "policies.png", "phases.png")
 

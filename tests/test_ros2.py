@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from upright.cartpole import State
-from upright.cli import run
+from upright.commands.cli import run
+from upright.core.parameters import State
+from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.exits import BAD_USE, FAILED, INTERRUPTED
 from upright.plants import default_plant
-from upright.study import make_case, make_run
-from upright.task import make_task
+from upright.studies.case import make_case
+from upright.studies.run import make_run
+from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
 pytestmark = [
     pytest.mark.skipif(
@@ -102,7 +103,7 @@ def simulator(simulate):
 @pytest.fixture
 def hand(domain):
     """A node of this process, to command and to listen by hand."""
-    from upright.plants.ros2_cart import new_node
+    from upright.plants.ros2.node import new_node
 
     with new_node("hand", {}, []) as node:
         yield Hand(node)
@@ -114,7 +115,7 @@ class Hand:
         from std_msgs.msg import Float64MultiArray, String
         from std_srvs.srv import Trigger
 
-        from upright.plants.ros2_cart import KEPT, QOS, make_executor
+        from upright.plants.ros2.node import KEPT, QOS, make_executor
 
         self.states, self.words = [], []
         self.message, self.trigger = Float64MultiArray, Trigger.Request

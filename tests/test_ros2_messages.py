@@ -49,7 +49,7 @@ def messages(draw):
 
 @given(st.lists(messages(), min_size=1, max_size=4))
 def test_joints_are_read_as_rclpy_reads_them(some):
-    from upright.plants.ros2_messages import Joints
+    from upright.plants.ros2.messages import Joints
 
     joints = Joints()
     for message in [some[0], *some]:  # the second time its form is known
@@ -66,7 +66,7 @@ def test_joints_are_read_as_rclpy_reads_them(some):
 
 
 def test_a_known_form_is_read_without_rclpy(monkeypatch):
-    from upright.plants import ros2_messages
+    from upright.plants.ros2 import messages as ros2_messages
 
     joints = ros2_messages.Joints()
     names = ["hinge", "wheel", "slider"]
@@ -78,13 +78,13 @@ def test_a_known_form_is_read_without_rclpy(monkeypatch):
 
 
 def test_other_joints_are_none_of_ours():
-    from upright.plants.ros2_messages import Joints
+    from upright.plants.ros2.messages import Joints
 
     assert Joints().read(serialise(joint_state(["wheel"], [[1.0], [2.0]]))) is None
 
 
 def test_a_cart_without_velocities_is_refused():
-    from upright.plants.ros2_messages import Joints
+    from upright.plants.ros2.messages import Joints
 
     raw = serialise(joint_state(["slider", "hinge"], [[1.0, 2.0], []]))
     with pytest.raises(UprightError, match="joint_states lack a position or a velocity"):
@@ -99,6 +99,6 @@ def numbers_message(numbers):
 
 @given(st.lists(NUMBERS, max_size=4))
 def test_commands_are_read_as_rclpy_reads_them(numbers):
-    from upright.plants.ros2_messages import read_numbers
+    from upright.plants.ros2.messages import read_numbers
 
     assert read_numbers(serialise(numbers_message(numbers))) == numbers

@@ -20,10 +20,10 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from upright.exits import BAD_USE
+from upright.nodes.settings import LearnerSettings, SimulatorSettings
 from upright.plants import urdf
-from upright.settings import values_of
-from upright_ros.settings import LearnerSettings, SimulatorSettings
+from upright.support.exit_status import BAD_USE
+from upright.support.settings import values_of
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "ros2"

@@ -7,7 +7,8 @@ from pathlib import Path
 import gymnasium
 import pytest
 
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 
 pytest.importorskip("stable_baselines3", reason="no Stable-Baselines3 here: make test-sb3")
 from stable_baselines3.common.env_checker import check_env

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from helpers import python
 
+from upright.core.trials import Result
 from upright.errors import UprightError
-from upright.store import Store
-from upright.study import Result, make_case, study
+from upright.studies.case import make_case
+from upright.studies.store import Store
+from upright.studies.study import study
 
 KEY = '{"agent": "any"}'
 

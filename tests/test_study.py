@@ -1,19 +1,19 @@
 import json
 import multiprocessing
-import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from upright import compiled
-from upright.agents import AGENTS
 from upright.errors import UprightError
-from upright.store import Store
-from upright.study import Case, make_case, make_run, random_numbers, rule_version, study
+from upright.studies.case import Case, make_case
+from upright.studies.fingerprint import fingerprint
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import make_run
+from upright.studies.store import Store
+from upright.studies.study import study
 
 CASES = [
     make_case("random-search", noise=noise, steps=500, trials=40)
@@ -167,23 +167,7 @@ def test_a_key_holds_everything_that_determines_a_run():
     ]
     assert len({case.key, *(each.key for each in changed)}) == 7
     assert replace(case).key == case.key
-    assert json.loads(case.key)["rule"] == rule_version("random-search")
-
-
-def test_rules_of_different_agents_differ():
-    assert len({rule_version(agent) for agent in AGENTS}) == len(AGENTS)
-
-
-def test_a_rule_covers_the_files_that_agents_share(tmp_path, monkeypatch):
-    package = Path(shutil.copytree(compiled.PACKAGE, tmp_path / "upright"))
-    monkeypatch.setattr(compiled, "PACKAGE", package)
-    seen = [rule_version.__wrapped__("ase-ace")]
-    for name in ("cartpole", "agents/agent", "agents/boxes", "agents/ase_ace"):
-        (package / f"{name}.py").write_text(f"# another {name}")
-        seen.append(rule_version.__wrapped__("ase-ace"))
-    assert len(set(seen)) == 5
-    (package / "agents" / "reinforce.py").write_text("# another rule")
-    assert rule_version.__wrapped__("ase-ace") == seen[-1]
+    assert json.loads(case.key)["rule"] == fingerprint("random-search", "equations")
 
 
 @pytest.mark.parametrize(

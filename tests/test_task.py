@@ -7,12 +7,18 @@ from helpers import GOOD_WEIGHTS, HARD_START, POOR_WEIGHTS, LinearAgent, Recordi
 from scipy import stats
 
 from upright.agents import AGENTS
-from upright.cartpole import Parameters, State, equations, step
+from upright.core.cartpole import step
+from upright.core.conditions import CONDITIONS, NOISES, STARTS
+from upright.core.loops import compiled_run
+from upright.core.noise import draw_start, measure
+from upright.core.parameters import Parameters, State
+from upright.core.task import Task, draw_plant, make_task
+from upright.core.trials import delay, run, trial
 from upright.errors import UprightError
-from upright.noise import NOISES, draw_start, measure
-from upright.study import make_case, make_run, make_run_task, random_numbers
-from upright.task import CONDITIONS, STARTS, Task, draw_plant, make_task
-from upright.trials import compiled_run, delay, run, trial
+from upright.plants.equations import equations
+from upright.studies.case import make_case
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import make_run, make_run_task
 
 NOMINAL = Parameters()
 

@@ -15,10 +15,13 @@ from helpers import (
 )
 
 from upright.agents import AGENTS, named_settings
-from upright.cartpole import Parameters, State, equations, has_fallen, step
-from upright.compiled import is_compiled
-from upright.task import Task, make_task
-from upright.trials import compiled_run, run, trial
+from upright.core.cartpole import has_fallen, step
+from upright.core.compiled import is_compiled
+from upright.core.loops import compiled_run
+from upright.core.parameters import Parameters, State
+from upright.core.task import Task, make_task
+from upright.core.trials import run, trial
+from upright.plants.equations import equations
 
 
 def go(run, agent, plant, task, seed=1, stop=False):

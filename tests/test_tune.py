@@ -14,20 +14,19 @@ import numpy as np
 import pytest
 from helpers import python
 
-from upright import tune
 from upright.agents import AGENTS, named_settings
 from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
 from upright.agents.reinforce import Reinforce
-from upright.cli import run
+from upright.commands.cli import run
 from upright.errors import UprightError, require
-from upright.exits import BAD_USE, INTERRUPTED
-from upright.search_space import Range, search_space
-from upright.settings import change_settings
-from upright.store import Store
-from upright.study import make_case, make_run
-from upright.tune import (
+from upright.studies import tuning
+from upright.studies.case import make_case
+from upright.studies.run import make_run
+from upright.studies.search_space import Range, search_space
+from upright.studies.store import Store
+from upright.studies.tuning import (
     SEEDS,
     Search,
     as_options,
@@ -37,6 +36,8 @@ from upright.tune import (
     validate,
     validation_seed,
 )
+from upright.support.exit_status import BAD_USE, INTERRUPTED
+from upright.support.settings import change_settings
 
 QUICK = {"steps": 300, "trials": 60}
 
@@ -174,16 +175,16 @@ def test_the_best_is_the_least_of_the_finished(whole):
 
 def test_no_run_has_a_seed_of_a_table(tmp_path, monkeypatch):
     """Recorded where random numbers are made."""
-    import upright.study
+    from upright.studies import run as running
 
     seeds = {}
-    made = upright.study.random_numbers
+    made = running.random_numbers
 
     def record(seed, run):
         seeds.setdefault(seed, set()).add(run)
         return made(seed, run)
 
-    monkeypatch.setattr(upright.study, "random_numbers", record)
+    monkeypatch.setattr(running, "random_numbers", record)
     look = wanted(seed=7)
     found = search(look, 3, tmp_path / "tune")
     assert seeds == {search_seed(7): set(range(4))}
@@ -280,7 +281,7 @@ def test_an_interrupt_amid_the_store_locks_nobody_out(whole, tmp_path, statement
 
 
 def test_a_finished_search_makes_no_run(whole, monkeypatch):
-    monkeypatch.setattr(tune, "study", None)
+    monkeypatch.setattr(tuning, "study", None)
     assert search(wanted(), 14, whole[1]) == whole[0]
 
 
@@ -303,7 +304,7 @@ def test_a_store_of_another_search_is_refused(change, said, tmp_path):
 
 def test_a_store_of_another_rule_is_refused(tmp_path, monkeypatch):
     search(wanted(), 1, tmp_path / "tune")
-    monkeypatch.setattr(tune, "rule_version", lambda agent: "another")
+    monkeypatch.setattr(tuning, "fingerprint", lambda agent, plant: "another")
     with pytest.raises(UprightError, match="differs in: rule;"):
         search(wanted(), 2, tmp_path / "tune")
 

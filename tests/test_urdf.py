@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from helpers import PUSHES, FinePlant, trajectory
 
-from upright import drawing
-from upright.cartpole import Parameters, State
-from upright.compiled import PACKAGE
+from upright.core.compiled import PACKAGE
+from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
+from upright.pictures import picture
 from upright.plants import urdf
 
 OTHER = Parameters(
@@ -117,7 +117,7 @@ def test_what_others_rely_on():
 
 
 def test_the_colours_are_those_of_the_pictures():
-    for name, colour in [("blue", drawing.CART), ("orange", drawing.POLE), ("steel", drawing.INK)]:
+    for name, colour in [("blue", picture.CART), ("orange", picture.POLE), ("steel", picture.INK)]:
         rgba = numbers(robot(None), f"material[@name='{name}']/color", "rgba")
         drawn = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
         assert rgba == pytest.approx([*drawn, 1], abs=6e-4)

@@ -12,9 +12,9 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import Parameter
 
+from upright.nodes.settings import LearnerSettings, SimulatorSettings
 from upright.plants.urdf import text
-from upright.settings import values_of
-from upright_ros.settings import LearnerSettings, SimulatorSettings
+from upright.support.settings import values_of
 
 SHARE = Path(__file__).parents[1]
 ARGUMENTS = {

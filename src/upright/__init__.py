@@ -1,6 +1,6 @@
 """Upright: learning to balance an inverted pendulum."""
 
-from upright.registration import register_environments
+from upright.environments.registration import register_environments
 
 __version__ = "0.1.0"
 

@@ -4,12 +4,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
 from upright.errors import UprightError, require_one_of
-from upright.settings import Fields, restored
+from upright.support.settings import Fields, restored
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from upright.agents.outside import Outside
+    from upright.agents.custom import CustomAgent
 
 AGENTS = {
     "adaptive-lqr": "upright.agents.adaptive_lqr",
@@ -32,7 +32,7 @@ class Settings(Fields, Protocol):
         """Return a new agent, its memory blank or random."""
 
 
-def is_outside(agent: str) -> bool:
+def is_custom(agent: str) -> bool:
     """Whether this names an agent from outside the package."""
     return ":" in agent
 
@@ -50,7 +50,7 @@ def named_settings(agent: str) -> dict[str, Settings]:
     UprightError
         If there is no such agent, or it is none.
     """
-    if is_outside(agent):
+    if is_custom(agent):
         from numpy.random import default_rng
 
         outside = _outside(agent)
@@ -61,10 +61,10 @@ def named_settings(agent: str) -> dict[str, Settings]:
     return settings
 
 
-def _outside(agent: str) -> "Outside":
-    from upright.agents.outside import Outside
+def _outside(agent: str) -> "CustomAgent":
+    from upright.agents.custom import CustomAgent
 
-    return Outside(agent)
+    return CustomAgent(agent)
 
 
 def summarise_agent(agent: str) -> str:
@@ -75,7 +75,7 @@ def summarise_agent(agent: str) -> str:
     UprightError
         If there is no such agent.
     """
-    if is_outside(agent):
+    if is_custom(agent):
         return _outside(agent).summary()
     require_one_of("agent", agent, [*AGENTS, "module:name"])
     return (import_module(AGENTS[agent]).__doc__ or "").partition("\n")[0]
@@ -91,7 +91,7 @@ def restore_settings(agent: str, values: dict[str, Any]) -> Settings:
     UprightError
         If they are not this agent's, or not allowed.
     """
-    if is_outside(agent):
+    if is_custom(agent):
         if values != {"agent_name": agent}:  # another name would be other code
             raise UprightError(f"the settings are {values!r}; they are not those of {agent!r}")
         return _outside(agent)

@@ -34,10 +34,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.agents import forms
-from upright.agents.forms import BLOCK
-from upright.agents.least_squares import factorise, solve
-from upright.compiled import compiled
+from upright.agents.parts import policy_form
+from upright.agents.parts.least_squares import factorise, solve
+from upright.agents.parts.policy_form import BLOCK
+from upright.core.compiled import compiled
 from upright.errors import require
 
 REFIT = 1.02
@@ -207,7 +207,7 @@ class Memory(NamedTuple):
         """Return the policy as data: linear in the measurement and the past steps."""
         weights = -self.gains[1:, np.newaxis]
         past = len(self.gains) // BLOCK - 1
-        return forms.Network((forms.Layer(weights, "above zero"),), past=past)
+        return policy_form.Network((policy_form.Layer(weights, "above zero"),), past=past)
 
 
 @compiled

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.agents.boxes import (
+from upright.agents.parts.boxes import (
     BARTO_SUTTON_ANDERSON,
     Boxes,
     check_edges,
@@ -39,7 +39,7 @@ from upright.agents.boxes import (
     make_boxes,
     tabulate,
 )
-from upright.compiled import compiled
+from upright.core.compiled import compiled
 from upright.errors import require
 
 NEGLIGIBLE = 1e-12

@@ -26,8 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.agents import forms
-from upright.compiled import compiled
+from upright.agents.parts import policy_form
+from upright.core.compiled import compiled
 from upright.errors import require, require_one_of
 
 STALLED_TRIALS, STALLED_STEPS = 6, 5
@@ -281,10 +281,10 @@ class Memory(NamedTuple):
     def policy_form(self):
         """Return the policy as data; squash(y) = tanh(y/2)."""
         layers = (
-            forms.Layer(0.5 * self.action.layer_1, "tanh"),
-            forms.Layer(self.action.layer_2.T, "not below zero"),
+            policy_form.Layer(0.5 * self.action.layer_1, "tanh"),
+            policy_form.Layer(self.action.layer_2.T, "not below zero"),
         )
-        return forms.Network(layers, tuple(self.scales.tolist()))
+        return policy_form.Network(layers, tuple(self.scales.tolist()))
 
 
 def _network(inputs: int, hidden: int) -> Network:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.agents import forms
-from upright.compiled import compiled
+from upright.agents.parts import policy_form
+from upright.core.compiled import compiled
 from upright.errors import require
 
 
@@ -79,4 +79,4 @@ class Memory(NamedTuple):
 
     def policy_form(self):
         """Return the policy as data."""
-        return forms.Network((forms.Layer(self.weights[:, np.newaxis], "above zero"),))
+        return policy_form.Network((policy_form.Layer(self.weights[:, np.newaxis], "above zero"),))

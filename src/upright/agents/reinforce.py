@@ -22,9 +22,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from upright.agents import forms
-from upright.agents.least_squares import factorise, solve
-from upright.compiled import compiled
+from upright.agents.parts import policy_form
+from upright.agents.parts.least_squares import factorise, solve
+from upright.core.compiled import compiled
 from upright.errors import require, require_one_of
 
 HIDDEN_1, HIDDEN_2 = 8, 16
@@ -279,11 +279,11 @@ class Memory(NamedTuple):
     def policy_form(self):
         """Return the policy as data; the gain goes into the last weights."""
         layers = (
-            forms.Layer(self.network.layer_1, "isrlu"),
-            forms.Layer(self.network.layer_2, "isrlu"),
-            forms.Layer(self.gain * self.network.layer_3[:, np.newaxis], "sigmoid"),
+            policy_form.Layer(self.network.layer_1, "isrlu"),
+            policy_form.Layer(self.network.layer_2, "isrlu"),
+            policy_form.Layer(self.gain * self.network.layer_3[:, np.newaxis], "sigmoid"),
         )
-        return forms.Network(layers, tuple(self.scales.tolist()))
+        return policy_form.Network(layers, tuple(self.scales.tolist()))
 
 
 def _network(row: np.ndarray) -> Network:

@@ -1,13 +1,51 @@
 """The equations of motion, compiled: the plant of the published tables."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from upright.cartpole import equations
-from upright.task import Task
-from upright.trials import Plant
+from upright.core.cartpole import has_fallen, step
+from upright.core.compiled import compiled, inlined
+from upright.core.contracts import Plant
+from upright.core.parameters import Parameters, State, check_parameters
+from upright.core.task import Task
+
+
+class Equations(NamedTuple):
+    """The plant as compiled equations of motion, behind the contract of every body."""
+
+    parameters: Parameters
+    memory: np.ndarray
+    """The present state, shape (4,), float64."""
+
+    @compiled
+    def reset(self, state: State) -> State:
+        """Put the plant into `state`."""
+        for i in range(4):
+            self.memory[i] = state[i]
+        return state
+
+    @compiled
+    def step(self, force: float) -> State:
+        """Apply a force [N] for one time step and return the state then."""
+        memory = self.memory
+        after = step(self.parameters, State(memory[0], memory[1], memory[2], memory[3]), force)
+        memory[0], memory[1], memory[2], memory[3] = after
+        return after
+
+    @inlined
+    def has_fallen(self, state: State) -> bool:
+        """Whether the pole or the cart left its limits."""
+        return has_fallen(self.parameters, state)
+
+    def close(self) -> None:
+        """Release nothing: there is nothing to release."""
+
+
+def equations(parameters: Parameters | None = None) -> Equations:
+    """Return the plant as compiled equations, at rest and upright."""
+    return Equations(check_parameters(parameters or Parameters()), np.zeros(4))
 
 
 @dataclass(frozen=True)
@@ -22,7 +60,7 @@ class EquationsSettings:
         return equations(task.parameters), task
 
     def version(self) -> str:
-        """Return nothing: the rule's own version covers the equations."""
+        """Return nothing: there is no simulator behind the equations."""
         return ""
 
 

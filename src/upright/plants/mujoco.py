@@ -20,14 +20,14 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from upright.cartpole import Parameters, State, check_parameters, has_fallen
-from upright.compiled import PACKAGE, compiled, inlined
+from upright.core.cartpole import has_fallen
+from upright.core.compiled import compiled, inlined
+from upright.core.contracts import Plant
+from upright.core.parameters import Parameters, State, check_parameters
+from upright.core.task import Task
 from upright.errors import require, require_module, require_one_of
-from upright.files import digest
-from upright.plants import count_steps, urdf
-from upright.plants.urdf import ASSET, text
-from upright.task import Task
-from upright.trials import Plant
+from upright.plants.settings import count_steps
+from upright.plants.urdf import text
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
 """MuJoCo's names of how a step is computed."""
@@ -55,10 +55,8 @@ class Mujoco:
         return self.plant(task.parameters), task
 
     def version(self) -> str:
-        """Return a digest of what describes the body, and the version of MuJoCo."""
-        mujoco = _mujoco()
-        sources = [Path(__file__), Path(urdf.__file__), ASSET]
-        return f"{digest(sources, PACKAGE)}-mujoco-{mujoco.__version__}"
+        """Return the version of MuJoCo."""
+        return f"mujoco-{_mujoco().__version__}"
 
     def plant(self, parameters: Parameters | None = None) -> "Body":
         """Return the plant, at rest and upright.

@@ -1,15 +1,15 @@
 """The cart-pole as a URDF, which MuJoCo, DART, Gazebo and the tools of ROS 2 read.
 
-``assets/cartpole.urdf`` has the default parameters and goes anywhere as it is; `text` gives the
+``cartpole.urdf`` has the default parameters and goes anywhere as it is; `text` gives the
 same for others.
 """
 
 from pathlib import Path
 from xml.etree import ElementTree
 
-from upright.cartpole import Parameters, check_parameters
+from upright.core.parameters import Parameters, check_parameters
 
-ASSET = Path(__file__).parents[1] / "assets" / "cartpole.urdf"
+ASSET = Path(__file__).parent / "cartpole.urdf"
 """The URDF of the default parameters."""
 SLIDER, HINGE = "slider", "hinge"
 """Names of the joints: of the cart on its track, and of the pole on the cart."""

@@ -1,0 +1,4 @@
+"""The `upright` command.
+
+May import everything.
+"""

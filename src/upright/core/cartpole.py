@@ -1,0 +1,117 @@
+"""The physics: a pole hinged to a cart on a track. The only place with equations of motion.
+
+The equations are those of Barto, Sutton & Anderson (IEEE Trans. SMC 13, 1983), used by Si & Wang
+(IEEE Trans. Neural Networks 12(2), 2001) and by the course report as (3) and (4); the report prints
+(3) without the division by the total mass, which the units demand.
+"""
+
+from upright.core.compiled import compiled, inlined
+from upright.core.parameters import Integrator, Parameters, State
+from upright.core.portable_math import sine_cosine, small_sine_cosine
+
+
+@compiled
+def accelerations(parameters: Parameters, state: State, force: float) -> tuple[float, float]:
+    """Return the accelerations of cart [m/s^2] and pole [rad/s^2] under a force [N] on the cart.
+
+    Report, equations (4) and (3), with the force per total mass, which both share, taken out.
+    """
+    sin, cos = sine_cosine(state.theta)
+    return _accelerations(parameters, state, force, sin, cos)
+
+
+@compiled
+def _accelerations(
+    parameters: Parameters, state: State, force: float, sin: float, cos: float
+) -> tuple[float, float]:
+    p = parameters
+    mass_inverse = 1.0 / (p.cart_mass + p.pole_mass)  # once: to multiply takes a quarter as long
+    moment = p.pole_mass * p.half_length
+    sign_x_dot = (state.x_dot > 0.0) - (state.x_dot < 0.0)
+    drive = (
+        force + moment * state.theta_dot * state.theta_dot * sin - p.cart_friction * sign_x_dot
+    ) * mass_inverse
+    theta_acceleration = (
+        p.gravity * sin - cos * drive - (p.pole_friction / moment) * state.theta_dot
+    ) / (p.half_length * (4.0 / 3.0 - (p.pole_mass * mass_inverse) * (cos * cos)))
+    x_acceleration = drive - (moment * mass_inverse) * (theta_acceleration * cos)
+    return x_acceleration, theta_acceleration
+
+
+@compiled
+def _euler(parameters: Parameters, state: State, acceleration: tuple[float, float]) -> State:
+    h = parameters.time_step
+    x_acceleration, theta_acceleration = acceleration
+    return State(
+        state.x + h * state.x_dot,
+        state.x_dot + h * x_acceleration,
+        state.theta + h * state.theta_dot,
+        state.theta_dot + h * theta_acceleration,
+    )
+
+
+@compiled
+def _semi_implicit(
+    parameters: Parameters, state: State, acceleration: tuple[float, float]
+) -> State:
+    h = parameters.time_step
+    x_acceleration, theta_acceleration = acceleration
+    x_dot = state.x_dot + h * x_acceleration
+    theta_dot = state.theta_dot + h * theta_acceleration
+    return State(state.x + h * x_dot, x_dot, state.theta + h * theta_dot, theta_dot)
+
+
+@compiled
+def _moved(state: State, slope: State, h: float) -> State:
+    return State(
+        state.x + h * slope.x,
+        state.x_dot + h * slope.x_dot,
+        state.theta + h * slope.theta,
+        state.theta_dot + h * slope.theta_dot,
+    )
+
+
+@compiled
+def _slope(parameters: Parameters, state: State, force: float) -> State:
+    x_acceleration, theta_acceleration = accelerations(parameters, state, force)
+    return State(state.x_dot, x_acceleration, state.theta_dot, theta_acceleration)
+
+
+@compiled
+def _rk4(parameters: Parameters, state: State, force: float) -> State:
+    h = parameters.time_step
+    a = _slope(parameters, state, force)
+    b = _slope(parameters, _moved(state, a, 0.5 * h), force)
+    c = _slope(parameters, _moved(state, b, 0.5 * h), force)
+    d = _slope(parameters, _moved(state, c, h), force)
+    state = _moved(state, a, h / 6.0)
+    state = _moved(state, b, h / 3.0)
+    state = _moved(state, c, h / 3.0)
+    return _moved(state, d, h / 6.0)
+
+
+@compiled
+def step(parameters: Parameters, state: State, force: float) -> State:
+    """Return the state one time step later, the force [N] acting throughout."""
+    if parameters.integrator == Integrator.RK4:
+        return _rk4(parameters, state, force)
+    acceleration = accelerations(parameters, state, force)
+    if parameters.integrator == Integrator.SEMI_IMPLICIT:
+        return _semi_implicit(parameters, state, acceleration)
+    return _euler(parameters, state, acceleration)
+
+
+@compiled
+def step_small(parameters: Parameters, state: State, force: float) -> State:
+    """Return what `step` does by Euler's rule, of an angle up to SMALL, without a branch."""
+    sin, one_less_cos = small_sine_cosine(state.theta)
+    acceleration = _accelerations(parameters, state, force, sin, 1.0 - one_less_cos)
+    return _euler(parameters, state, acceleration)
+
+
+@inlined
+def has_fallen(parameters: Parameters, state: State) -> bool:
+    """Whether the pole or the cart left its limits; a place that is no number has left them."""
+    return not (
+        abs(state.x) <= parameters.position_limit and abs(state.theta) <= parameters.angle_limit
+    )

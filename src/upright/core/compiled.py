@@ -1,0 +1,196 @@
+"""Compile functions with Numba, so that the loop and every rule run near the speed of C.
+
+`compiled` is ``numba.njit`` with the choices this package makes once:
+
+- strict arithmetic (no ``fastmath``), so that a seed gives the same result on every processor;
+- the global interpreter lock released, so that runs share the cores as threads;
+- no counting of references, and no allocation, within compiled code;
+- machine code kept on disk, in a folder named after the content of the package's sources: Numba
+  alone would not notice that a function in *another* file changed.
+"""
+
+import functools
+import os
+import re
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import MethodType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba import types
+from numba.extending import overload_method
+
+from upright.support.files import PACKAGE, digest, user_cache
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def sources_hash(*names: str) -> str:
+    """Return a short digest of the package's source files.
+
+    Parameters
+    ----------
+    *names
+        Files relative to the package's folder; all of its ``.py`` files when none is named.
+    """
+    return digest([PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")), PACKAGE)
+
+
+def _cache_folder() -> str:
+    """Return the first folder for machine code that can be written, named after the sources."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    usual = Path(chosen).expanduser() / "upright" if chosen else user_cache()
+    candidates = (usual, Path(tempfile.gettempdir()) / "upright")
+    for folder in (root / f"kernels-{sources_hash()}" for root in candidates):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return str(folder)
+    return tempfile.mkdtemp(prefix="upright-kernels-")
+
+
+CACHE_FOLDER = _cache_folder()
+
+
+class Compiled:
+    """A function compiled twice, each time when first needed.
+
+    For other compiled code: inlined, and without counting references to its arguments, which would
+    cost more in the loop than a step of the plant. Such a function must not allocate memory. For
+    Python: with what it takes to be called from there.
+
+    Parameters
+    ----------
+    function
+        What is compiled.
+    kept
+        Whether machine code for Python is kept on disk. That of a function from outside the package
+        never is: the folder it would lie in is named after the package's sources alone.
+    small
+        Whether Python runs the function as it stands instead.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], *, kept: bool = True, small: bool = False
+    ) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._inner = _jit(
+            function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+        )
+        self._numba_type_ = types.Dispatcher(self._inner)
+        # Only this one is kept on disk, with all that it calls in it. Numba finds what it kept by
+        # name and types alone, and would take the one compiled for the other purpose.
+        self._outer = function if small else _jit(function, cache=kept, no_cfunc_wrapper=True)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function from Python."""
+        return self._outer(*arguments)
+
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
+        return self if instance is None else MethodType(self, instance)
+
+
+def _jit(function: Callable[..., Any], **options: bool) -> Any:
+    config: Any = numba.config  # Numba's own settings, which other packages in the process share
+    njit: Any = numba.njit
+    saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
+    try:
+        ours = PACKAGE in Path(function.__code__.co_filename).parents
+        options["cache"] = options.get("cache", False) and ours
+        return njit(nogil=True, error_model="numpy", **options)(function)
+    finally:
+        config.CACHE_DIR = saved
+
+
+def compiled(function: F) -> F:
+    """Compile a function, or a method of a NamedTuple."""
+    return cast(F, Compiled(function))
+
+
+def inlined(function: F) -> F:
+    """Compile a function for other compiled code only; Python runs it as it stands.
+
+    For a function so small that the way from Python into compiled code would cost more than it.
+    """
+    return cast(F, Compiled(function, small=True))
+
+
+def machine_code(function: F, *arguments: Any) -> F:
+    """Return the machine code of a compiled function for arguments like these.
+
+    A call of it takes a quarter of the time, as nobody looks which types it is given: they must be
+    the same.
+    """
+    outer: Any = cast(Compiled, function)._outer
+    return cast(F, outer.compile(tuple(map(numba.typeof, arguments))))
+
+
+def is_compiled(thing: object) -> bool:
+    """Whether `thing` is a NamedTuple with compiled methods, which compiled code can call."""
+    return any(isinstance(member, Compiled) for member in vars(type(thing)).values())
+
+
+HINTS = {
+    "NRT required": "it allocates memory; arrays are allocated when the agent is made",
+    "Only accept returning of array": "it allocates an array; that is done when the agent is made",
+    "Untyped global name 'method'": "a method that the loop calls is not under @compiled",
+    "no attribute '_outer'": "a method that the loop calls is not under @compiled",
+    "No definition for lowering": "fields cannot change; a number that does lives in an array",
+}
+"""What the commonest complaints of Numba mean here."""
+
+
+def explain(error: Exception) -> str:
+    """Return in one line why something did not compile: Numba's last words, and where that is."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    failures = [i for i, line in enumerate(lines) if "Failed in nopython mode" in line]
+    words = lines[failures[-1] + 1 if failures else 0 :][:2] or [repr(error)]
+    reason = words[0]
+    if words[-1].startswith(">>>"):
+        reason = f"{reason} {words[1].removeprefix('>>>').strip()}"
+    reason += "".join(f" ({hint})" for sign, hint in HINTS.items() if sign in reason)
+    places = re.findall(r'(?: at |File ")(\S[^"\n]*?\.py)"?(?:, line | \()(\d+)', str(error))
+    for file, line in places:
+        parents = Path(file).resolve().parents
+        if PACKAGE not in parents and Path(numba.__file__).parent not in parents:
+            return f"{reason}, {Path(file).name} line {line}"
+    return reason
+
+
+CALLED_BY_THE_LOOP = (
+    "reset",
+    "step",
+    "has_fallen",
+    "begin_trial",
+    "act",
+    "learn",
+    "end_trial",
+    "push_probability",
+    "remember",
+    "random",
+)
+
+
+def _callable_in_compiled_code(name: str) -> None:
+    """Let compiled code call the compiled method `name` of whichever NamedTuple it meets.
+
+    Numba knows the fields of a NamedTuple but not its methods. The choice is made by type while
+    compiling, costs nothing at run time, and (unlike a function passed as an argument) is found
+    in the cache by the next process.
+    """
+
+    def find(instance, *arguments):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        method = getattr(instance.instance_class, name, None)
+        return (lambda instance, *arguments: method(instance, *arguments)) if method else None
+
+    overload_method(types.NamedTuple, name)(find)
+    overload_method(types.NamedUniTuple, name)(find)
+
+
+for _name in CALLED_BY_THE_LOOP:
+    _callable_in_compiled_code(_name)

@@ -1,0 +1,88 @@
+"""Tasks by name: noise cases, starts, conditions, and the lengths of trials and runs. Data only."""
+
+import math
+from typing import NamedTuple
+
+from upright.core.parameters import State
+
+PUBLISHED_NOISES = (
+    "none",
+    "actuator-5",
+    "actuator-10",
+    "sensor-5",
+    "sensor-10",
+    "gaussian-0.1",
+    "gaussian-0.2",
+)
+"""The seven published noise cases, in the order of the tables."""
+
+
+STEPS, TRIALS, RUNS = 60_000, 1_000, 20
+"""The report's protocol, the default everywhere: steps of a success, trials of a run, runs."""
+STRICT_STEPS, STRICT_RUNS = 600_000, 100
+"""Si & Wang's protocol, the stricter one, and the leaderboard's."""
+
+
+class Noise(NamedTuple):
+    """Sizes of the disturbances; zero means none, and draws no random number."""
+
+    actuator: float = 0.0
+    """p: the force that acts is F (1 + u), u uniform in ±p."""
+    angle: float = 0.0
+    """p: the measured angle is theta (1 + u), u uniform in ±p."""
+    others: float = 0.0
+    """p: the same for the measured x, x_dot and theta_dot, each with its own u."""
+    angle_offset: float = 0.0
+    """sigma [rad]: the measured angle is theta + n, n normal with this standard deviation."""
+    hides_velocities: bool = False
+    """Whether the velocities are not measured: the agent reads 0 in their place."""
+
+
+def _degrees_squared(variance: float) -> float:
+    return math.radians(math.sqrt(variance))
+
+
+NOISES = {
+    "none": Noise(),
+    "actuator-5": Noise(actuator=0.05),
+    "actuator-10": Noise(actuator=0.10),
+    "sensor-5": Noise(angle=0.05),
+    "sensor-10": Noise(angle=0.10),
+    "gaussian-0.1": Noise(angle_offset=_degrees_squared(0.1)),
+    "gaussian-0.2": Noise(angle_offset=_degrees_squared(0.2)),
+    "all-5": Noise(angle=0.05, others=0.05),
+    "all-10": Noise(angle=0.10, others=0.10),
+}
+"""Every named case. The first seven are the published ones; the last two go beyond them."""
+
+STARTS = {
+    "random": State(0.05, 0.05, 0.05, 0.05),
+    "zero": State(0.0, 0.0, 0.0, 0.0),
+    "wide": State(0.05, 0.05, math.radians(6), 0.05),
+}
+"""Half-widths of the uniform start: Gymnasium's convention, Si & Wang's exact zero, and one that
+lets the pole lean up to 6°."""
+
+
+class Condition(NamedTuple):
+    """How a task differs from the published one, besides its noise."""
+
+    varies_plant: bool = False
+    """Whether every run has a plant of its own, drawn by `draw_plant`."""
+    friction: float = 1.0
+    """Factor on both frictions."""
+    delay: int = 0
+    """How many steps pass before a push acts."""
+    hides_velocities: bool = False
+    """Whether the agent reads 0 for both velocities."""
+
+
+CONDITIONS = {
+    "nominal": Condition(),
+    "varied-plant": Condition(varies_plant=True),
+    "friction-100": Condition(friction=100.0),
+    "delay-1": Condition(delay=1),
+    "delay-2": Condition(delay=2),
+    "no-velocities": Condition(hides_velocities=True),
+}
+"""Every named condition; all but the first go beyond the published task."""

@@ -1,0 +1,53 @@
+"""What the loop asks of an agent and of a plant.
+
+An agent is a memory and four functions, whatever plant it balances. A learner that only knows
+Gymnasium is not an agent: it is not moved by the loop, but moves an environment.
+"""
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from upright.core.parameters import State
+
+if TYPE_CHECKING:
+    import gymnasium
+
+
+class Agent(Protocol):
+    """A learner. It knows nothing of the physics: it sees measurements and falls, and pushes."""
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Get ready for a trial from a new start."""
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        """Choose a push: True for +F, False for -F."""
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Learn from one step: what was measured, what was done, what was measured then."""
+
+    def end_trial(self, fallen: bool) -> None:
+        """Learn from the trial as a whole, which ended by a fall or by success."""
+
+
+class GymnasiumLearner(Protocol):
+    """A learner that only knows Gymnasium."""
+
+    def train(self, env: "gymnasium.Env[Any, Any]") -> None:
+        """Learn in an environment until that raises `upright.protocol.RunOver`."""
+
+
+class Plant(Protocol):
+    """A body: anything with a cart that can be pushed and a pole that can fall."""
+
+    def reset(self, state: State) -> State:
+        """Put the plant into `state` and return the state it is in."""
+
+    def step(self, force: float) -> State:
+        """Apply a force [N] for one time step and return the true state then."""
+
+    def has_fallen(self, state: State) -> bool:
+        """Whether the body, being in `state`, has left its limits."""
+
+    def close(self) -> None:
+        """Release what the plant holds."""

@@ -1,0 +1,68 @@
+"""Many cart-poles at once, each moved exactly as `cartpole.step` moves one."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from upright.core.cartpole import step, step_small
+from upright.core.compiled import compiled
+from upright.core.parameters import Integrator, Parameters, State
+from upright.core.portable_math import SMALL
+
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""States of many cart-poles: their x, x_dot, theta and theta_dot."""
+PART = 512
+"""Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
+
+
+def _loop(advance: Callable[[Parameters, State, float], State]) -> Callable[..., None]:
+    """Return a loop over many cart-poles, written once for the steps that it is made for."""
+
+    @compiled
+    def loop(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
+        x, x_dot, theta, theta_dot = states
+        for i in range(len(forces)):
+            before = State(x[i], x_dot[i], theta[i], theta_dot[i])
+            x[i], x_dot[i], theta[i], theta_dot[i] = advance(parameters, before, forces[i])
+
+    return loop
+
+
+_small_loop, _any_loop = _loop(step_small), _loop(step)
+
+
+@compiled
+def step_part(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
+    """Advance at most PART cart-poles, given the four rows of their states, as `step_many` does."""
+    theta = states[2]
+    others = 0
+    for i in range(len(theta)):
+        others += 1 if abs(theta[i]) > SMALL else 0
+    if others == 0 and parameters.integrator == Integrator.EULER:
+        _small_loop(parameters, states, forces)
+    else:
+        _any_loop(parameters, states, forces)
+
+
+@compiled
+def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) -> None:
+    """Advance many independent cart-poles by one time step, in place.
+
+    Each ends in the same state as `step` gives, to the last bit.
+
+    Parameters
+    ----------
+    states
+        Shape (4, n), float64, rows in the order of `State`.
+    forces
+        Shape (n,), force on each cart [N].
+    """
+    for first in range(0, len(forces), PART):
+        end = min(first + PART, len(forces))
+        part = (
+            states[0, first:end],
+            states[1, first:end],
+            states[2, first:end],
+            states[3, first:end],
+        )
+        step_part(parameters, part, forces[first:end])

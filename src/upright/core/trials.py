@@ -1,0 +1,127 @@
+"""The loop: a trial from start to fall, and a run of trials.
+
+`trial` is written once. Called as it stands it moves any plant and any agent through their methods;
+compiled, it moves the equations and the package's agents at millions of steps a second. The same
+seed gives the same trial lengths either way.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from upright.core.compiled import compiled, inlined
+from upright.core.contracts import Agent, Plant
+from upright.core.noise import disturb, draw_start, measure
+from upright.core.task import Task
+
+
+class Result(NamedTuple):
+    """What came of one run."""
+
+    run: int
+    """Number of the run within its study."""
+    success: bool
+    """Whether its last trial lasted N steps."""
+    lengths: np.ndarray
+    """Steps of each trial, in order; every trial is counted."""
+    seconds: float
+    """Wall time."""
+
+    @property
+    def trials(self) -> int:
+        """How many trials were made."""
+        return len(self.lengths)
+
+
+NO_PUSHES = (0.0, 0.0)
+"""The pushes [N] on their way to the cart at the start of a trial, as many as a delay may have."""
+
+
+@inlined
+def delay(
+    steps: int, waiting: tuple[float, float], push: float
+) -> tuple[tuple[float, float], float]:
+    """Return the pushes [N] that wait after a new one, and the one that acts now."""
+    acting = push if steps == 0 else waiting[0] if steps == 1 else waiting[1]
+    return (push, waiting[0]), acting
+
+
+def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> tuple[int, bool]:
+    """Let an agent balance once, from a start to a fall or to the step that makes it a success.
+
+    Parameters
+    ----------
+    agent
+        The learner; its memory changes.
+    plant
+        The body to balance; it is reset first.
+    task
+        Noise, start, limits and the length of a success.
+    rng
+        The run's own random numbers.
+
+    Returns
+    -------
+    tuple
+        How many steps the trial lasted, and whether it ended by a fall.
+    """
+    waiting = NO_PUSHES
+    state = plant.reset(draw_start(task.start, rng))
+    observation = measure(task.noise, state, rng)
+    agent.begin_trial(rng)
+    fallen = False
+    steps = 0
+    while steps < task.steps and not fallen:
+        action = agent.act(observation, rng)
+        push = task.parameters.force if action else -task.parameters.force
+        waiting, push = delay(task.delay, waiting, push)
+        state = plant.step(disturb(task.noise, push, rng))
+        fallen = plant.has_fallen(state)
+        before, observation = observation, measure(task.noise, state, rng)
+        agent.learn(before, action, observation, fallen)
+        steps += 1
+    agent.end_trial(fallen)
+    return steps, fallen
+
+
+_compiled_trial = compiled(trial)
+
+
+@overload(trial)
+def _call_compiled_trial(agent, plant, task, rng):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return lambda agent, plant, task, rng: _compiled_trial(agent, plant, task, rng)
+
+
+def run(
+    agent: Agent,
+    plant: Plant,
+    task: Task,
+    rng: np.random.Generator,
+    lengths: np.ndarray,
+    stop: np.ndarray,
+) -> int:
+    """Let an agent learn, trial after trial, until one succeeds.
+
+    Parameters
+    ----------
+    agent, plant, task, rng
+        As for `trial`. The agent's memory is kept from one trial to the next.
+    lengths
+        Shape (task.trials,), int64. The length of each trial is written here as it ends, so that
+        another thread can watch.
+    stop
+        Shape (1,), bool. The run ends early, before the next trial, once another thread sets it.
+
+    Returns
+    -------
+    int
+        The number of the trial that succeeded, counted from 1; 0 if none did.
+    """
+    for number in range(task.trials):
+        if stop[0]:
+            break
+        lengths[number], fallen = trial(agent, plant, task, rng)
+        if not fallen:
+            return number + 1
+    return 0

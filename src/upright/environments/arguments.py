@@ -1,0 +1,137 @@
+"""The arguments that all environments share, checked."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete, Space
+from numpy.typing import NDArray
+
+from upright.core.cartpole import has_fallen
+from upright.core.conditions import NOISES, STARTS, Noise
+from upright.core.parameters import Parameters, State, check_parameters
+from upright.environments import batch
+from upright.environments.batch import (
+    Rules,
+)
+from upright.errors import UprightError, require, require_one_of
+
+REWARDS = {"survival": (1.0, 0.0), "failure": (0.0, -1.0)}
+"""What a step is worth, and a fall on top of it: Gymnasium's convention, and the papers'."""
+DTYPES = ("float32", "float64")
+"""Types of an observation."""
+FRAMES_PER_SECOND = 50
+NO_LIMIT = 2**62
+"""More steps than anybody will make."""
+
+Array = NDArray[Any]
+
+
+def make_rules(
+    noise: str | Noise = "none",
+    start: str | State = "random",
+    parameters: Parameters | Mapping[str, Any] | None = None,
+    reward: str = "survival",
+    steps: int = NO_LIMIT,
+    autoreset: int = batch.NEXT_STEP,
+) -> Rules:
+    """Return what all environments with these arguments have in common.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, a parameter is impossible, or a size of the noise is none.
+    """
+    if not isinstance(noise, Noise):
+        require_one_of("noise", noise, NOISES)
+        noise = NOISES[noise]
+    if not isinstance(start, State):
+        require_one_of("start", start, STARTS)
+        start = STARTS[start]
+    for label, values in (("noise", noise), ("start", start)):
+        for name in _numbers(values):
+            require(f"{label}.{name}", getattr(values, name), 0)
+    if not isinstance(parameters, Parameters):
+        for name in parameters or {}:
+            require_one_of("parameter", name, Parameters._fields)
+        parameters = Parameters()._replace(**(parameters or {}))
+    parameters = check_parameters(parameters)
+    require_one_of("reward", reward, REWARDS)
+    return Rules(
+        _in_floats(parameters),
+        _in_floats(noise),
+        _in_floats(start),
+        *REWARDS[reward],
+        steps,
+        autoreset,
+    )
+
+
+def _numbers(values: Any) -> list[str]:
+    return [name for name in values._fields if name not in ("integrator", "hides_velocities")]
+
+
+def _in_floats(values: Any) -> Any:
+    """Return a tuple with float for int, which compiled code tells apart."""
+    return values._replace(**{name: float(getattr(values, name)) for name in _numbers(values)})
+
+
+def make_spaces(parameters: Parameters, continuous: bool, dtype: str) -> tuple[Box, Space[Any]]:
+    """Return the spaces of observations and of actions.
+
+    Raises
+    ------
+    UprightError
+        If the type of observations is unknown.
+    """
+    require_one_of("dtype", dtype, DTYPES)
+    limits = (2 * parameters.position_limit, math.inf, 2 * parameters.angle_limit, math.inf)
+    high = np.array(limits, dtype)
+    force = np.float32(parameters.force)
+    actions: Space[Any] = Box(-force, force, (1,)) if continuous else Discrete(2)
+    return Box(-high, high, dtype=np.dtype(dtype).type), actions
+
+
+def check_render_mode(mode: str | None, metadata: dict[str, Any]) -> None:
+    """Raise UprightError unless an environment with this metadata has this render mode."""
+    if mode is not None:
+        require_one_of("render_mode", mode, metadata["render_modes"])
+
+
+def check_state(parameters: Parameters, state: Any) -> Array:
+    """Return a true state that was asked for, or several; shape (4,) or (n, 4), float64.
+
+    Raises
+    ------
+    UprightError
+        If it has another shape or is no number, or the pole has fallen.
+    """
+    try:
+        states = np.array(state, np.float64)
+    except (TypeError, ValueError):
+        raise UprightError(f"state is {state!r}; it must be four numbers") from None
+    if states.shape[-1:] != (4,) or not np.isfinite(states).all():
+        raise UprightError(f"state is {state!r}; it must be four finite numbers")
+    for each in states.reshape(-1, 4):
+        if has_fallen(parameters, State(*each.tolist())):
+            raise UprightError(f"state is {each.tolist()!r}; there the pole has fallen")
+    return states
+
+
+def check_options(options: dict[str, Any] | None, *allowed: str) -> dict[str, Any]:
+    """Return the options of a reset, none if there are none.
+
+    Raises
+    ------
+    UprightError
+        If one is unknown.
+    """
+    for name in options or {}:
+        require_one_of("option", name, allowed)
+    return options or {}
+
+
+def is_noisy(noise: Noise) -> bool:
+    """Whether there is any noise."""
+    return noise != Noise()

@@ -1,0 +1,242 @@
+"""The simulator: a cart-pole behind the topics that a real cart has, too."""
+
+import math
+import os
+import signal
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from threading import Event
+
+import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from upright.core.noise import disturb, draw_start, measure
+from upright.core.parameters import State
+from upright.errors import UprightError
+from upright.nodes.parameters import declare, plain
+from upright.nodes.punctuality import Punctuality
+from upright.nodes.settings import DRAWN, SimulatorSettings
+from upright.plants.ros2.messages import read_numbers
+from upright.plants.ros2.node import (
+    HEARD,
+    KEPT,
+    POLL,
+    QOS,
+    ParameterValues,
+    make_executor,
+    new_node,
+)
+from upright.plants.ros2.topics import (
+    BALANCING,
+    DONE,
+    EFFORT,
+    FAULT,
+    JOINT_STATES,
+    RESET,
+    SIMULATOR,
+    STATUS,
+)
+from upright.plants.urdf import HINGE, SLIDER
+from upright.support.exit_status import exit_status
+
+CHANGEABLE = ("noise", "start", "start_state", "seed")
+"""Parameters that may be set while the node runs; they count from the next reset on."""
+
+
+class Simulator:
+    """Owns a plant, moves it by commands, and publishes what is measured.
+
+    Parameters
+    ----------
+    node
+        Whose topics and parameters are used.
+
+    Raises
+    ------
+    UprightError
+        If a parameter has an impossible value, or the plant's library is missing.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.settings = declare(node, SimulatorSettings(), CHANGEABLE)
+        self._node, self._log = node, node.get_logger()
+        self._task = self.settings.task()
+        self._plant, _ = self.settings.body().make(self._task, "none", 0, np.zeros(1, np.bool_))
+        self._rng = np.random.default_rng(self.settings.seed)
+        self._period = round(1e9 / self.settings.rate)  # [ns]
+        self._stamp = 0  # simulated time [ns]
+        self._status = String(data=DONE)
+        self._measured = JointState(name=[SLIDER, HINGE], effort=[0.0, 0.0])
+        self._held = False  # whether the pole is held until the first command of a trial
+        self._force = 0.0  # the last command [N]
+        self._commanded = 0.0  # when it came [s]
+        self._punctuality = Punctuality()
+
+        self._warm_up()  # before anybody finds the topics
+        node.add_on_set_parameters_callback(self._on_parameters)
+        self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
+        self._statuses = node.create_publisher(String, STATUS, KEPT)
+        self._clocks = node.create_publisher(Clock, "/clock", QOS)
+        node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, HEARD, raw=True)
+        node.create_service(Trigger, RESET, self._on_reset)
+        self._executor = make_executor(node.context)
+        self._executor.add_node(node)
+        self._say(DONE)
+        self._show(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
+
+    def run(self, stopped: Event, parent: int | None) -> None:
+        """Serve until stopped, or until the process that started this one is gone."""
+        period = 1 / (self.settings.rate * self.settings.real_time_factor)
+        due = math.inf if self.settings.lock_step else time.monotonic() + period
+        while not stopped.is_set() and (parent is None or os.getppid() == parent):
+            left = due - time.monotonic()
+            if left > 0:
+                self._executor.spin_once(timeout_sec=min(left, POLL))
+            else:
+                self._tick(due)
+                due += period
+
+    def __str__(self) -> str:
+        how = "in lock-step" if self.settings.lock_step else "by the wall clock"
+        return f"{self.settings.plant} {how}, ROS domain {self._node.context.get_domain_id()}"
+
+    def close(self) -> None:
+        """Release the plant, and tell how punctual its last trial was."""
+        self._report()
+        self._executor.remove_node(self._node)
+        self._plant.close()
+
+    def _warm_up(self) -> None:
+        """Have everything compiled, which takes longer than others would wait for an answer."""
+        self._plant.reset(draw_start(self._task.start, np.random.default_rng(0)))
+        self._plant.has_fallen(self._plant.step(0.0))
+
+    def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        values = {parameter.name: plain(parameter.value) for parameter in parameters}
+        try:
+            self.settings = replace(self.settings, **values)
+        except (UprightError, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._task = self.settings.task()
+        if values.keys() & {"noise", "seed"}:
+            self._rng = np.random.default_rng(self.settings.seed)
+        return SetParametersResult(successful=True)
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Start a trial."""
+        self._report()
+        state = State(*self.settings.start_state)
+        if any(map(math.isnan, state)):
+            state = draw_start(self._task.start, self._rng)
+        else:
+            self._node.set_parameters([Parameter("start_state", value=list(DRAWN))])
+        state = self._plant.reset(state)
+        self._force, self._held = 0.0, True
+        self._say(BALANCING)
+        self._show(measure(self._task.noise, state, self._rng), 0.0)
+        response.success = True
+        return response
+
+    def _on_effort(self, raw: bytes) -> None:
+        """Obey a command, if a trial is going on, and if it can be obeyed."""
+        limit = self._task.parameters.force
+        numbers = read_numbers(raw)
+        force = numbers[0] if len(numbers) == 1 else math.nan
+        if not abs(force) <= limit:
+            self._log.error(f"{EFFORT} is {numbers}; it must be one number in ±{limit}")
+            self._say(f"{FAULT}{EFFORT} is {numbers}, beyond ±{limit} N")
+        elif self._status.data != BALANCING:
+            self._say(self._status.data)  # the other side may not have heard of it
+            self._rest()
+        elif self.settings.lock_step:
+            self._advance(force)
+        else:
+            self._held, self._force, self._commanded = False, force, time.monotonic()
+            self._punctuality.command(self._commanded)
+
+    def _advance(self, force: float) -> None:
+        """Move the cart by one period."""
+        noise = self._task.noise
+        state = self._plant.step(disturb(noise, force, self._rng))
+        if self._plant.has_fallen(state):
+            self._say(DONE)
+        self._show(measure(noise, state, self._rng), force)
+
+    def _tick(self, due: float) -> None:
+        """Let a period of the wall clock pass, which ended at `due`."""
+        if self._status.data != BALANCING or self._held:
+            self._rest()
+            return
+        now = time.monotonic()
+        if self._force and now - self._commanded > self.settings.command_timeout:
+            self._force = 0.0
+            self._log.warning(f"no {EFFORT} for {self.settings.command_timeout:g} s; it is 0 now")
+        self._advance(self._force)
+        self._punctuality.period(now - due, time.monotonic())
+
+    def _show(self, measured: State, force: float) -> None:
+        """Let a period pass, and publish what is measured then."""
+        x, x_dot, theta, theta_dot = measured
+        self._measured.position, self._measured.velocity = [x, theta], [x_dot, theta_dot]
+        self._measured.effort = [force, 0.0]
+        self._rest()
+
+    def _rest(self) -> None:
+        """Let a period pass, and publish what was measured last."""
+        self._stamp += self._period
+        stamp = self._measured.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
+        if self._clocks.get_subscription_count():  # else it would take as long as the plant
+            self._clocks.publish(Clock(clock=stamp))
+        self._states.publish(self._measured)
+
+    def _say(self, status: str) -> None:
+        """Publish a status. It changes seldom, and goes before the measurement it belongs to."""
+        self._status.data = status
+        self._statuses.publish(self._status)
+
+    def _report(self) -> None:
+        if summary := self._punctuality.summary():
+            self._log.info(summary)
+        self._punctuality = Punctuality()
+
+
+def main(
+    given: ParameterValues | None = None,
+    arguments: Sequence[str] | None = None,
+    parent: int | None = None,
+) -> int:
+    """Run the simulator until it is interrupted, and return the exit status.
+
+    Parameters
+    ----------
+    given
+        Settings by name; ROS parameters besides.
+    arguments
+        ROS arguments; those of the command line unless given.
+    parent
+        Id of the process with which to end.
+    """
+    stopped = Event()
+    # No KeyboardInterrupt: what is compiled at the start would swallow it.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+
+    def work() -> int:
+        with new_node(SIMULATOR, given or {}, arguments) as node:
+            simulator = Simulator(node)
+            try:
+                print(f"simulating {simulator}", flush=True)
+                simulator.run(stopped, parent)
+            finally:
+                simulator.close()
+        return 0
+
+    return exit_status(work)

@@ -1,0 +1,182 @@
+"""A Gazebo server for one cart-pole, that moves when it is told to (`gazebo/stepper.cc`)."""
+
+import os
+import re
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from contextlib import ExitStack, suppress
+from itertools import count
+from pathlib import Path
+from shutil import rmtree
+
+import numpy as np
+
+from upright.core.parameters import Parameters, State
+from upright.errors import UprightError
+from upright.plants.gazebo.installation import find_gazebo
+from upright.plants.gazebo.world import write_world
+from upright.support.processes import end_process, share_core
+
+STEP, RESET = 0, 1
+REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
+"""As the plugin has them: kind, physics steps and values; a state."""
+STARTING = 60.0
+"""How long a server may take to start [s]."""
+ANSWERING = 10.0
+"""How long it may take to answer [s]."""
+POLL = 0.1
+"""How often to look whether a start was given up, and how long to let it end by itself [s]."""
+WINDOW = """\
+[geometry]
+x=0
+y=0
+width=1280
+height=720
+"""
+"""Place and size of gzclient's window [pixels]."""
+
+
+_numbers = count(os.getpid())
+
+
+class ServerGoneError(Exception):
+    """The server ended, or does not answer."""
+
+
+class Server:
+    """A process of gzserver, and the socket by which it is moved.
+
+    Server and thread stay on one core, until the same thread closes the server.
+
+    Parameters
+    ----------
+    parameters
+        Of the plant.
+    engine
+        Name of Gazebo's physics engine.
+    physics_step
+        Its time step [s].
+    gui
+        Whether gzclient shows what happens.
+    stop
+        Shape (1,), bool. Once it is set, a start is given up by KeyboardInterrupt.
+
+    Raises
+    ------
+    UprightError
+        If Gazebo is missing or does not start, or there is no display for its window.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        engine: str,
+        physics_step: float,
+        gui: bool,
+        stop: np.ndarray,
+    ) -> None:
+        gazebo = find_gazebo()
+        if gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise UprightError(
+                "there is no display for Gazebo's window (DISPLAY is not set); `upright gazebo "
+                "view POLICY --screenshot FILE.png` makes a picture without one"
+            )
+        with ExitStack() as opened:
+            if not gui:  # to draw takes a core of its own
+                opened.enter_context(share_core(next(_numbers)))
+            folder = Path(tempfile.mkdtemp(prefix="upright-gazebo-"))
+            opened.callback(rmtree, folder, ignore_errors=True)
+            listener = opened.enter_context(socket.socket(socket.AF_UNIX))
+            address = folder / "socket"
+            try:
+                listener.bind(str(address))
+            except OSError as error:
+                raise UprightError(f"no socket can be made at {address}: {error}") from error
+            listener.listen(1)
+            listener.settimeout(POLL)
+            world = write_world(folder, parameters, engine, physics_step)
+            self._log = folder / "log.txt"
+            self._environment = _environment(gazebo.environment, folder)
+            # Else it wakes a thread in each physics step, to tell of contacts to nobody.
+            quiet = [] if gui else ["--minimal_comms"]
+            self._process = self._start([str(gazebo.server), "--verbose", *quiet, str(world)])
+            opened.callback(_end, self._process)
+            self._socket = opened.enter_context(self._accept(listener, stop))
+            self._socket.settimeout(ANSWERING)
+            if gui:
+                opened.callback(_end, self._start([str(gazebo.client)]))
+            self._closing = opened.pop_all()
+
+    def ask(self, kind: int, steps: int, values: State) -> State:
+        """Have a request done, and return the state then.
+
+        Raises
+        ------
+        ServerGoneError
+            If it is not done.
+        """
+        try:
+            self._socket.sendall(REQUEST.pack(kind, steps, *values))
+            answer = self._socket.recv(ANSWER.size, socket.MSG_WAITALL)
+        except OSError as error:
+            raise ServerGoneError(f"gzserver does not answer: {error}") from error
+        if len(answer) < ANSWER.size:
+            raise ServerGoneError("gzserver has ended")
+        return State(*ANSWER.unpack(answer))
+
+    def close(self) -> None:
+        """End the server, and remove its files."""
+        self._closing.close()
+
+    def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
+        """Start a program, out of reach of a Ctrl-C meant for this one."""
+        with self._log.open("ab") as log:
+            return subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def _accept(self, listener: socket.socket, stop: np.ndarray) -> socket.socket:
+        """Wait until the plugin connects."""
+        until = time.monotonic() + STARTING
+        while time.monotonic() < until:
+            with suppress(TimeoutError):
+                return listener.accept()[0]
+            if stop[0]:
+                raise KeyboardInterrupt
+            if self._process.poll() is not None:
+                raise UprightError(f"gzserver ended as it started{self._last_words()}")
+        raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")
+
+    def _last_words(self) -> str:
+        """Return the errors that the log ends with, or else its last line."""
+        text = re.sub(r"\x1b\[[0-9;]*m", "", self._log.read_text(errors="replace"))  # colours
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        errors = [line for line in lines if "[Err]" in line or "rror" in line]
+        return "".join(f": {line}" for line in (errors or lines)[-1:])
+
+
+def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:
+    """Return the environment of a server, which has a port and models of its own."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    models = os.pathsep.join(filter(None, [str(folder / "models"), given.get("GAZEBO_MODEL_PATH")]))
+    own = {"GAZEBO_MASTER_URI": f"http://127.0.0.1:{port}", "GAZEBO_IP": "127.0.0.1"}
+    (folder / "gui.ini").write_text(WINDOW, encoding="utf-8")
+    own |= {"GAZEBO_MODEL_PATH": models, "GAZEBO_GUI_INI_FILE": str(folder / "gui.ini")}
+    return os.environ | given | own
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a process; the server ends by itself once its socket is closed."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(POLL)
+    end_process(process)

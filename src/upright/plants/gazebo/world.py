@@ -1,0 +1,80 @@
+"""The files that describe the cart-pole and its surroundings to Gazebo, old and modern."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+from upright.core.parameters import Parameters
+from upright.plants import urdf
+from upright.plants.gazebo.installation import sources
+
+CONFIG = """\
+<model>
+  <name>cartpole</name>
+  <version>1.0</version>
+  <sdf>cartpole.urdf</sdf>
+</model>
+"""
+"""What makes a folder with a URDF a model of Gazebo."""
+
+STEPPER = {"name": "stepper", "filename": "libupright_stepper.so"}
+"""The plugin of Gazebo 11, `gazebo/stepper.cc`."""
+
+
+def write_world(
+    folder: Path,
+    parameters: Parameters,
+    engine: str,
+    physics_step: float,
+    system: Mapping[str, str] = STEPPER,
+) -> Path:
+    """Write a world and its model into a folder, and return the world's file.
+
+    Parameters
+    ----------
+    folder
+        Where; its folder `models` is to be among those in which Gazebo looks for models.
+    parameters
+        Of the plant.
+    engine
+        Name of the physics engine.
+    physics_step
+        Its time step [s].
+    system
+        Attributes of the plugin by which the world moves.
+    """
+    _write_model(folder / "models" / "cartpole", parameters)
+    tree = ElementTree.parse(sources() / "cartpole.world")
+    _find(tree, "world/gravity").text = f"0 0 {-parameters.gravity}"
+    _find(tree, "world/physics").set("type", engine)
+    _find(tree, "world/physics/max_step_size").text = f"{physics_step}"
+    _find(tree, "world/plugin").attrib |= system
+    _find(tree, "world/plugin/socket").text = str(folder / "socket")
+    path = folder / "cartpole.world"
+    tree.write(path, encoding="utf-8", xml_declaration=True)
+    return path
+
+
+def _write_model(folder: Path, parameters: Parameters) -> None:
+    """Write the URDF with its colours as Gazebo knows them, which leaves out those of URDFs."""
+    folder.mkdir(parents=True)
+    (folder / "model.config").write_text(CONFIG, encoding="utf-8")
+    robot = ElementTree.fromstring(urdf.text(parameters))
+    colours = {
+        material.get("name"): color.get("rgba", "")
+        for material in robot.iterfind("material")
+        for color in material.iterfind("color")
+    }
+    for link in robot.findall("link"):
+        for material in link.iterfind("visual/material"):
+            gazebo = ElementTree.SubElement(robot, "gazebo", reference=link.get("name", ""))
+            look = ElementTree.SubElement(ElementTree.SubElement(gazebo, "visual"), "material")
+            for name in ("ambient", "diffuse"):
+                ElementTree.SubElement(look, name).text = colours[material.get("name")]
+    ElementTree.ElementTree(robot).write(folder / "cartpole.urdf", encoding="utf-8")
+
+
+def _find(tree: "ElementTree.ElementTree[ElementTree.Element]", path: str) -> ElementTree.Element:
+    element = tree.find(path)
+    assert element is not None, path
+    return element

@@ -1,0 +1,1 @@
+"""A cart behind ROS 2's topics, simulated or real."""

@@ -1,0 +1,65 @@
+"""A cart on ROS 2's topics: a simulator in another process, or a real one (docs/ros2.md)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from upright.core.conditions import Noise
+from upright.core.contracts import Plant
+from upright.core.parameters import Parameters
+from upright.core.task import Task
+from upright.errors import UprightError, require, require_module
+from upright.plants.ros2.topics import Waiting
+
+
+@dataclass(frozen=True)
+class Ros2:
+    """How to wait for a cart that is somewhere else."""
+
+    watchdog: float = 0.5
+    """How long measurements may cease before the cart is stopped and the run given up [s]."""
+    patience: float = 10.0
+    """How long to wait until the cart is found, and until it is reset [s]."""
+
+    name: ClassVar[str] = "ros2"
+    alone: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Refuse impossible values."""
+        require("watchdog", self.watchdog, 0, 3600, above=True)
+        require("patience", self.patience, 0, 3600, above=True)
+
+    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+        """Find a simulator, have it make the noise, and return it with the task without noise.
+
+        Raises
+        ------
+        UprightError
+            If ROS 2 is missing, there is no simulator, or it cannot do the task.
+        """
+        require_rclpy()
+        if task.parameters != Parameters():
+            raise UprightError("plant is 'ros2'; the simulator has the nominal parameters alone")
+        from upright.plants.ros2.cart import open_cart
+
+        cart = open_cart(self.waiting, task.parameters, stop, {"noise": noise, "seed": seed})
+        left = Noise(hides_velocities=task.noise.hides_velocities)
+        return cart, task._replace(noise=left)
+
+    @property
+    def waiting(self) -> Waiting:
+        """How long to wait for the cart."""
+        return Waiting(self.watchdog, self.patience)
+
+    def version(self) -> str:
+        """Return nothing: only the cart's own process knows what moves it."""
+        return ""
+
+
+def require_rclpy() -> None:
+    """Raise UprightError unless ROS 2 can be used from Python."""
+    require_module("rclpy", "ROS 2 is missing; source its setup.bash, or", "ros2")
+
+
+SETTINGS = Ros2()

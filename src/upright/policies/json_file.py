@@ -1,0 +1,78 @@
+"""Policies as JSON: a policy's form alone, which other languages write and read."""
+
+import codecs
+import json
+from pathlib import Path
+from typing import Any
+
+from upright.agents import AGENTS
+from upright.errors import require_one_of
+from upright.policies.checks import check_agent, check_contract, check_header, check_task, explained
+from upright.policies.form_json import form_entries, restore_form
+from upright.policies.form_player import make_memory
+from upright.policies.policy import Policy, form_of
+
+JSON_FORMAT = "upright policy form 1"
+JSON_HEADER = {"agent": str, "task": dict, "form": str}
+"""The same of a file in JSON."""
+JSON_LIMIT, JSON_MARKS = 2**25, 2 * 10**6
+"""How many bytes such a file may have, enough for the largest form; and how many of them may begin
+a list, an object or a text, which take more memory than numbers.
+"""
+
+
+def load_json(path: Path | str, agent: str | None) -> Policy:
+    """Read a policy from a file in JSON, as `files.load_policy` does."""
+    with explained(path):
+        entries = read_json(path)
+        check_agent(entries["agent"], agent)
+        if agent is None:
+            require_one_of("agent", entries["agent"], AGENTS)
+        check_task(entries["task"])
+        memory = make_memory(restore_form(entries))
+        policy = Policy(entries["agent"], memory, entries["task"])
+        # What these say follows from the form; other languages may word it otherwise.
+        check_contract(policy, entries, {"version", "normalisation", "history"})
+    return policy
+
+
+def is_json(path: Path | str) -> bool:
+    """Whether a file begins as an object in JSON does."""
+    return first_bytes(path).removeprefix(codecs.BOM_UTF8).lstrip()[:1] == b"{"
+
+
+def first_bytes(path: Path | str) -> bytes:
+    """Return the first bytes of a file; none where there is no such file."""
+    if not Path(path).is_file():
+        return b""
+    with explained(path), Path(path).open("rb") as file:
+        return file.read(100)
+
+
+def read_json(path: Path | str) -> dict[str, Any]:
+    """Return the entries of a file in JSON, its form yet to be looked at."""
+    with Path(path).open("rb") as file:
+        data = file.read(JSON_LIMIT + 1)
+    if len(data) > JSON_LIMIT:
+        raise ValueError(f"it is larger than {JSON_LIMIT:,} bytes")
+    if sum(map(data.count, (b"[", b"{", b'"'))) > JSON_MARKS:
+        raise ValueError(f"it has more than {JSON_MARKS:,} lists, objects and texts")
+    entries = json.loads(data.decode("utf-8-sig"), parse_constant=_refuse_constant)
+    return check_header(entries, JSON_FORMAT, JSON_HEADER)
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"it holds {name}, which is no number")
+
+
+def json_form(policy: Policy) -> str:
+    """Return a policy as JSON, an entry a line; `load_policy` and other languages read it.
+
+    Raises
+    ------
+    UprightError
+        If the policy's agent does not tell its form, or the form is beyond what is read.
+    """
+    entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(form_of(policy))}
+    lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -1,0 +1,119 @@
+"""Policies as NumPy archives: a header, and the arrays of the agent's memory.
+
+`header` is a text in JSON that anybody can read. A file may come from anyone, so reading it
+executes nothing, and allocates no more than the settings in its header imply, which have bounds.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from upright.agents import Settings
+from upright.errors import UprightError
+from upright.policies.checks import check_header, explained
+from upright.policies.policy import Policy
+from upright.support.files import write_file
+
+FORMAT = "upright policy 1"
+HEADER = {"agent": str, "task": dict, "settings": dict}
+"""What reading needs of a header besides its format; all else is for people."""
+HEADER_LIMIT = 2**20
+"""Characters that a header may have."""
+PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How arrays may be packed: so that no more is unpacked than is asked for."""
+
+
+def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
+    """Write a policy to a file: a NumPy archive of plain arrays and a header in JSON.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be written.
+    """
+    header = {"format": FORMAT, **policy.contract(), "settings": asdict(settings)}
+    written = io.BytesIO()
+    np.savez_compressed(
+        written,
+        allow_pickle=False,
+        header=np.array(json.dumps(header)),
+        **dict(arrays_of(policy.memory)),
+    )
+    write_file(path, written.getvalue())
+
+
+@contextmanager
+def opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
+    """Open a policy's file."""
+    if not Path(path).is_file():
+        raise UprightError(f"policy is {str(path)!r}; there is no such file")
+    if not zipfile.is_zipfile(path):
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or no file of a policy")
+    with explained(path), zipfile.ZipFile(path) as archive:
+        yield archive
+
+
+def read_npz_header(archive: zipfile.ZipFile) -> dict[str, Any]:
+    """Return the header of an archive, checked."""
+    if any(info.compress_type not in PACKINGS for info in archive.infolist()):
+        raise ValueError("it is packed in an unknown way")
+    with archive.open("header.npy") as member:
+        shape, _, dtype = _declared(member)
+        if shape != () or dtype.kind != "U" or dtype.itemsize > 4 * HEADER_LIMIT:
+            raise ValueError(f"its header is no text of at most {HEADER_LIMIT:,} characters")
+        header = json.loads(str(np.ndarray((), dtype, _read(member, dtype.itemsize))))
+    return check_header(header, FORMAT, HEADER)
+
+
+def fill(memory: Any, archive: zipfile.ZipFile, *, finite: bool) -> None:
+    """Set all arrays of a memory, having compared what is declared with what is due."""
+    arrays = arrays_of(memory)
+    found, due = archive.namelist(), ["header.npy", *(f"{name}.npy" for name, _ in arrays)]
+    if sorted(found) != sorted(due):
+        odd = sorted(set(found) ^ set(due)) or "one that is there twice"
+        raise ValueError(f"it does not hold the arrays of its agent; it differs in {odd}")
+    for name, array in arrays:
+        with archive.open(f"{name}.npy") as member:
+            shape, by_columns, dtype = _declared(member)
+            if (shape, dtype) != (array.shape, array.dtype) or dtype.hasobject:
+                raise ValueError(
+                    f"{name} is {dtype} of shape {shape}; "
+                    f"it must be {array.dtype} of shape {array.shape}, and never objects"
+                )
+            data = _read(member, array.nbytes)
+        array[...] = np.ndarray(shape, dtype, data, order="F" if by_columns else "C")
+        if finite and not np.isfinite(array).all():
+            raise ValueError(f"{name} holds a number that is not finite")
+
+
+def _declared(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return what a NumPy file says it holds: shape, whether column by column, and type."""
+    if np.lib.format.read_magic(member) != (1, 0):
+        raise ValueError("it is written in an unknown way")
+    return np.lib.format.read_array_header_1_0(member)
+
+
+def _read(member: IO[bytes], size: int) -> bytes:
+    """Return the rest of a file, which must have this size; no more is unpacked."""
+    data = member.read(size + 1)
+    if len(data) != size:
+        raise ValueError(f"{member.name} is shorter or longer than it says")
+    return data
+
+
+def arrays_of(memory: Any, prefix: str = "") -> list[tuple[str, np.ndarray]]:
+    """Return all arrays of a memory, those of the tuples in it included, by name."""
+    found = []
+    for name, value in memory._asdict().items():
+        if isinstance(value, np.ndarray):
+            found.append((prefix + name, value))
+        elif hasattr(value, "_asdict"):
+            found += arrays_of(value, f"{prefix}{name}.")
+    return found

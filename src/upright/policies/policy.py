@@ -1,0 +1,108 @@
+"""A learned policy: what it computes, and the contract that says how to use it."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from upright import __version__
+from upright.agents.parts.policy_form import Form
+from upright.core.parameters import State
+from upright.core.task import Task, make_task
+from upright.errors import UprightError
+
+OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
+ACTION = "push to the right (+F) with the probability that the policy returns, else left"
+TASK = ("noise", "start", "steps", "integrator", "condition")
+"""What names a task; a policy also knows the seed and the run."""
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A learned policy. It balances as an agent does, and learns no more."""
+
+    agent: str
+    """Name of the agent that learned it."""
+    memory: Any
+    """Its memory."""
+    task: dict[str, Any]
+    """What it learned on: noise, start, steps, integrator, condition, seed and run; and the name of
+    the plant, if that was not the equations.
+    """
+
+    def __post_init__(self) -> None:
+        """Stand at the beginning of a trial."""
+        self.begin_trial(np.random.default_rng(0))
+
+    def push_probability(self, observation: State) -> float:
+        """Return the probability of a push to the right."""
+        return float(self.memory.push_probability(State(*map(float, observation))))
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Forget what was measured in the trial before, where that plays a part."""
+        if self._has_history:
+            self.memory.begin_trial(rng)
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        """Sample a push."""
+        return bool(rng.random() < self.push_probability(observation))
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Learn nothing; remember what was measured, where that plays a part."""
+        if self._has_history:
+            self.memory.remember(before, action)
+
+    @property
+    def _has_history(self) -> bool:
+        return hasattr(self.memory, "remember")
+
+    def end_trial(self, fallen: bool) -> None:
+        """Learn nothing."""
+
+    def make_task(self) -> Task:
+        """Return the task that it learned on, in numbers."""
+        return make_task(**{name: self.task[name] for name in TASK})
+
+    @property
+    def form(self) -> Form | None:
+        """What it computes, as data; None of an agent that does not tell."""
+        return self.memory.policy_form() if hasattr(self.memory, "policy_form") else None
+
+    def contract(self) -> dict[str, Any]:
+        """Return all that one must know to use the policy, as JSON takes it."""
+        form, parameters = self.form, self.make_task().parameters
+        inputs = form.contract() if form else {"normalisation": "known to the agent alone"}
+        return {
+            "version": __version__,
+            "agent": self.agent,
+            "task": self.task,
+            "observation": OBSERVATION,
+            **inputs,
+            "action": ACTION,
+            "force [N]": parameters.force,
+            "time step [s]": parameters.time_step,
+        }
+
+
+def form_of(policy: Policy) -> Form:
+    """Return what a policy computes, as data.
+
+    Raises
+    ------
+    UprightError
+        If the policy's agent does not say.
+    """
+    if policy.form is None:
+        raise UprightError(
+            f"agent is {policy.agent!r}; its policy cannot be exported: that takes the method "
+            "policy_form(), which returns a Network or a Table of upright.agents.parts.policy_form"
+        )
+    return policy.form
+
+
+def describe(contract: dict[str, Any]) -> str:
+    """Return a contract or a header as text: an entry a line, in printable characters alone."""
+    return "\n".join(
+        f"{json.dumps(name)[1:-1]}: {json.dumps(value)}" for name, value in contract.items()
+    )

@@ -1,0 +1,110 @@
+"""Statistics of studies: a row of figures for each case."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from upright import __version__
+from upright.core.trials import Result
+from upright.reports.published import figures
+from upright.studies.case import Case, named
+from upright.studies.intervals import bootstrap_interval, wilson_interval
+from upright.studies.store import Store
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case of a study in numbers."""
+
+    agent: str
+    """Name of the agent."""
+    settings: str
+    """Name of its settings."""
+    noise: str
+    """Name of the noise case."""
+    start: str
+    """Name of the start."""
+    condition: str
+    """Name of the condition."""
+    steps: int
+    """N: steps of a successful trial."""
+    runs: int
+    """How many runs were made."""
+    successes: int
+    """How many of them succeeded."""
+    success_rate: float
+    """Part of the runs that succeeded."""
+    success_ci95: tuple[float, float]
+    """Its 95 % interval (Wilson 1927)."""
+    mean_trials: float | None
+    """Mean number of trials over the successful runs; None if there is none, as below."""
+    ci95: tuple[float, float] | None
+    """Its 95 % interval (bias-corrected and accelerated bootstrap, Efron 1987)."""
+    median_trials: float | None
+    """Their median."""
+    p95_trials: float | None
+    """Their 95th percentile."""
+    max_trials: int | None
+    """The most trials that a successful run needed."""
+    mean_trials_all_runs: float
+    """Mean number of trials made over all runs; a failed run counts with all it made."""
+    all_runs_ci95: tuple[float, float]
+    """Its 95 % interval, as above."""
+    steps_simulated: int
+    """Steps of all trials of all runs."""
+    seconds: float
+    """Computing time of all runs, on one core."""
+    published: dict[str, float]
+    """Published mean trials of the same noise case, by source."""
+    seed: int
+    """Seed of the study."""
+    version: str = __version__
+    """Version of this package."""
+    language: str = "Python"
+    """In which language it ran."""
+    plant: str = "equations"
+    """Name of the body."""
+
+    @property
+    def name(self) -> str:
+        """Name of the agent, for people."""
+        return named(self.agent, self.language, self.plant)
+
+
+def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
+    """Return the statistics of a case over its runs."""
+    trials = np.array([result.trials for result in results if result.success])
+    made = np.array([result.trials for result in results])
+    rate_interval = wilson_interval(len(trials), len(results))
+    some = len(trials) > 0
+    return Row(
+        agent=case.agent,
+        settings=case.label,
+        noise=case.noise,
+        start=case.start,
+        condition=case.condition,
+        steps=case.steps,
+        runs=len(results),
+        successes=len(trials),
+        success_rate=len(trials) / max(1, len(results)),
+        success_ci95=rate_interval,
+        mean_trials=float(trials.mean()) if some else None,
+        ci95=bootstrap_interval(trials) if some else None,
+        median_trials=float(np.median(trials)) if some else None,
+        p95_trials=float(np.percentile(trials, 95)) if some else None,
+        max_trials=int(trials.max()) if some else None,
+        mean_trials_all_runs=float(made.mean()),
+        all_runs_ci95=bootstrap_interval(made),
+        steps_simulated=int(sum(result.lengths.sum() for result in results)),
+        seconds=sum(result.seconds for result in results),
+        published=figures(case.agent, case.noise),
+        seed=seed,
+        language=case.language,
+        plant=case.plant.name,
+    )
+
+
+def summarise_all(cases: Iterable[Case], runs: int, seed: int, store: Store) -> list[Row]:
+    """Return the statistics of the first `runs` runs of each case."""
+    return [summarise(case, seed, store.results(case.key, seed, runs)) for case in cases]

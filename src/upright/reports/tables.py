@@ -1,0 +1,176 @@
+"""Tables of studies, for people and for programs."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import NamedTuple
+
+from upright import __version__
+from upright.errors import require_one_of
+from upright.reports.published import SOURCES
+from upright.reports.statistics import Row
+
+
+class Table(NamedTuple):
+    """A table of text."""
+
+    head: list[str]
+    body: list[list[str]]
+    notes: list[str]
+    """Lines to stand below."""
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """Return a number for people; a dash for none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def mean_text(row: Row) -> str:
+    """Return mean trials with their interval."""
+    if row.mean_trials is None or row.ci95 is None:
+        return "–"
+    digits = 2 if row.mean_trials < 2 else 1  # the floor is 1, and 1.04 is not 1.00
+    mean, low, high = (number(value, digits) for value in (row.mean_trials, *row.ci95))
+    return f"{mean} [{low}, {high}]"
+
+
+def success_text(row: Row) -> str:
+    """Return the success rate with its interval."""
+    low, high = row.success_ci95
+    return f"{100 * row.success_rate:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def study_table(rows: Sequence[Row]) -> Table:
+    """Return a table with a line for every case, beside the published figures."""
+    sources = list(dict.fromkeys(name for row in rows for name in row.published))
+    measured = ["Agent", "Settings", "Noise", "Success", "Mean trials", "Median", "p95", "Max"]
+    body = [
+        [
+            row.name,
+            row.settings,
+            row.noise,
+            success_text(row),
+            mean_text(row),
+            number(row.median_trials),
+            number(row.p95_trials),
+            number(row.max_trials, 0),
+            *(number(row.published.get(source), 2) for source in sources),
+        ]
+        for row in rows
+    ]
+    return Table(measured + sources, body, _notes(rows, sources))
+
+
+def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
+    agents = {row.agent for row in rows}
+    made = sorted({(row.runs, row.steps, row.start, row.condition, row.seed) for row in rows})
+    notes = [
+        f"{runs} runs a case, N = {steps:,} steps, start {start}, "
+        + ("" if condition == "nominal" else f"condition {condition}, ")
+        + f"seed {seed}, upright {__version__}."
+        for runs, steps, start, condition, seed in made
+    ]
+    notes.append(
+        "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
+        "successful one included. In brackets: 95 % intervals."
+    )
+    notes += [
+        f"{source.name}: {source.citation} ({source.runs} runs, N = {source.steps:,})."
+        for source in SOURCES
+        if source.name in sources and (source.agent is None or source.agent in agents)
+    ]
+    return notes
+
+
+def to_text(table: Table) -> str:
+    """Return a table for the terminal."""
+    from rich.console import Console
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    drawn = RichTable(box=None, pad_edge=False, header_style="")
+    for index, head in enumerate(table.head):
+        numeric = index > 0 and head not in ("Settings", "Noise")
+        drawn.add_column(head, justify="right" if numeric else "left", no_wrap=True)
+    for line in table.body:
+        drawn.add_row(*(Text(cell) for cell in line))
+    written = io.StringIO()
+    console = Console(file=written, width=1000, highlight=False)
+    console.print(drawn)
+    lines = [line.rstrip() for line in written.getvalue().splitlines()]
+    lines.insert(1, "─" * max(len(line) for line in lines))
+    return "\n".join([*lines, "", *table.notes]) + "\n"
+
+
+def to_markdown(table: Table) -> str:
+    """Return a table in Markdown."""
+    lines = [table.head, ["---"] * len(table.head), *table.body]
+    written = ["| " + " | ".join(line) + " |" for line in lines]
+    notes = ["", *(f"- {note}" for note in table.notes)] if table.notes else []
+    return "\n".join([*written, *notes]) + "\n"
+
+
+def to_latex(table: Table) -> str:
+    """Return a table in LaTeX, for the package booktabs."""
+
+    def line(cells: Sequence[str]) -> str:
+        return " & ".join(_escape_latex(cell) for cell in cells) + r" \\"
+
+    head = [r"\begin{tabular}{" + "l" * len(table.head) + "}", r"\toprule"]
+    body = [line(table.head), r"\midrule", *map(line, table.body)]
+    notes = [f"% {note}" for note in table.notes]
+    return "\n".join([*notes, *head, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _escape_latex(cell: str) -> str:
+    for sign in "&%_#":
+        cell = cell.replace(sign, "\\" + sign)
+    # A bracket that opens a line would be read as an option of the line before.
+    return cell.replace("–", "--").replace("[", "{[}").replace("]", "{]}")
+
+
+def to_json(rows: Sequence[Row]) -> str:
+    """Return the rows as a JSON array of objects with the fields of `Row`."""
+    return json.dumps([asdict(row) for row in rows], indent=2, allow_nan=False) + "\n"
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """Return the rows as comma-separated values; intervals and sources have own columns."""
+    flat = [_flatten(row) for row in rows]
+    written = io.StringIO()
+    heads = list(dict.fromkeys(name for line in flat for name in line))
+    writer = csv.DictWriter(written, heads, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(flat)
+    return written.getvalue()
+
+
+def _flatten(row: Row) -> dict[str, object]:
+    line = asdict(row)
+    for name in ("success_ci95", "ci95", "all_runs_ci95"):
+        line[f"{name}_low"], line[f"{name}_high"] = line.pop(name) or (None, None)
+    for source, value in line.pop("published").items():
+        line[f"published: {source}"] = value
+    return line
+
+
+FORMATS = ("text", "markdown", "csv", "json", "latex")
+
+
+def render(rows: Sequence[Row], format_name: str) -> str:
+    """Return the table of a study in one of the FORMATS.
+
+    Raises
+    ------
+    UprightError
+        If there is no such format.
+    """
+    require_one_of("format", format_name, FORMATS)
+    if format_name == "json":
+        return to_json(rows)
+    if format_name == "csv":
+        return to_csv(rows)
+    writer = {"text": to_text, "markdown": to_markdown, "latex": to_latex}[format_name]
+    return writer(study_table(rows))

@@ -1,0 +1,119 @@
+"""What makes a run what it is: a digest of all the code that determines it.
+
+The files are computed, not listed: all of `core/`, what makes a run here, and the modules of the
+agent and of the plant with everything that they import, data files that they name included. An edit
+of any of them gives runs another key, so a store never mixes results of two versions of a rule.
+"""
+
+import ast
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+from upright.agents import AGENTS, is_custom
+from upright.agents.custom import CustomAgent
+from upright.plants import PLANTS
+from upright.support.files import PACKAGE, digest
+
+RUNNING = ("studies/run.py", "studies/random_streams.py")
+"""What makes a run, besides core/."""
+GYMNASIUM = "environments/trial_protocol.py"
+"""What moves a learner that only knows Gymnasium."""
+WITHOUT_EFFECT = ("errors.py", "support", "pictures")
+"""Parts of the package that what is imported may use, but that no result depends on."""
+INSTALLED = ("site-packages", "dist-packages")
+"""Names of folders of installed packages, where a neighbour is not a part of an agent."""
+
+
+@cache
+def fingerprint(agent: str, plant: str) -> str:
+    """Return a digest of the code that determines what a run of this agent on this plant does.
+
+    Parameters
+    ----------
+    agent
+        Name of an agent of the package, or `module:name` of a custom one.
+    plant
+        Name of a plant.
+    """
+    ours = _file_of(AGENTS[agent]) if not is_custom(agent) else PACKAGE / GYMNASIUM
+    files = digest(sorted(determining_files(ours, _file_of(PLANTS[plant]))), PACKAGE)
+    if not is_custom(agent):
+        return files
+    return f"{files}-{_custom_fingerprint(CustomAgent(agent))}"
+
+
+def _file_of(module: str) -> Path:
+    return PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+
+
+def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
+    """Return all files of the package that runs depend on which use these modules."""
+    heart = [*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)]
+    found = {path for path in import_closure(modules, [package.parent]) if path not in heart}
+    without = [package / name for name in WITHOUT_EFFECT]
+    return {*heart, *(p for p in found if not any(p.is_relative_to(part) for part in without))}
+
+
+def _custom_fingerprint(agent: CustomAgent) -> str:
+    """Return a digest of the file of a custom agent, and of its own modules that it imports."""
+    file, name = agent.source(), agent.agent_name.partition(":")[0]
+    depth = name.count(".") + (file.name == "__init__.py")
+    root = file.parents[depth]
+    own = import_closure([file], [root])
+    if root.name in INSTALLED:
+        own = {path for path in own if path.is_relative_to(root / name.partition(".")[0])}
+    return digest(sorted(own | {file}), root)
+
+
+def import_closure(modules: Iterable[Path], roots: Iterable[Path]) -> set[Path]:
+    """Return the files of modules, of all they import below the roots, and of data they name.
+
+    Imports count wherever they stand: at the top, in functions, for type checkers alone.
+    """
+    roots = list(roots)
+    found: set[Path] = set()
+    waiting = list(modules)
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            if path.suffix == ".py":
+                waiting += _used_by(path, roots)
+    return found
+
+
+def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:
+    """Give the files that one module imports or names."""
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from _data(path.parent, node.value)
+        for base, name in _imported(node, path):
+            for root in [base] if base else roots:
+                place = root.joinpath(*name.split("."))
+                for file in (place.with_suffix(".py"), place / "__init__.py"):
+                    if file.is_file():
+                        yield file
+
+
+def _imported(node: ast.AST, path: Path) -> Iterator[tuple[Path | None, str]]:
+    """Give the dotted names that a statement may import; a relative one with its folder."""
+    if isinstance(node, ast.Import):
+        yield from ((None, alias.name) for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        base = path.parents[node.level - 1] if node.level else None
+        module = node.module or ""
+        if module:
+            yield base, module
+        yield from ((base, f"{module}.{alias.name}".lstrip(".")) for alias in node.names)
+
+
+def _data(folder: Path, name: str) -> list[Path]:
+    """Return the data files beside a module that a text in it names: a file, or a whole folder."""
+    if not name.replace(".", "").replace("_", "").replace("-", "").isalnum():
+        return []
+    place = folder / name
+    if place.is_dir():
+        files = [path for path in place.rglob("*") if path.is_file()]
+        return [] if any(path.suffix == ".py" for path in files) else files
+    return [place] if place.is_file() and place.suffix != ".py" else []

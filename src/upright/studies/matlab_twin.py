@@ -1,0 +1,188 @@
+"""The MATLAB twin, run by GNU Octave or MATLAB: where it is, and how it makes runs.
+
+It lives in the folder `matlab/` and makes the same runs as the package where both draw the same
+random numbers (`study.twister_numbers`). Here it is a program that is started, and that prints a
+line for every run as it ends.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+from collections import deque
+from collections.abc import Generator, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
+
+import numpy as np
+
+from upright.core.trials import Result
+from upright.errors import UprightError, require
+from upright.support.files import digest
+from upright.support.interrupts import let_interrupts_through
+
+PROGRAMS = ("matlab", "octave-cli", "octave")
+"""What can run it; the first that is found does."""
+CHOICE = "UPRIGHT_MATLAB"
+"""Environment variable that names another program."""
+MOST_SEEDS = 4293
+"""The largest seed: a run's stream has the number 10⁶ seed + run, which fits into 32 bits."""
+MARK = "upright "
+"""What a line about a run begins with."""
+
+
+class TwinJob(NamedTuple):
+    """Runs of one case that are to be made, by the names that the twin knows."""
+
+    agent: str
+    label: str
+    noise: str
+    start: str
+    steps: int
+    trials: int
+    seed: int
+    runs: tuple[int, ...]
+    """Numbers of the runs, from 0; the twin counts them from 1."""
+
+    def statement(self) -> str:
+        """Return the statement that makes them."""
+        runs = " ".join(str(run + 1) for run in self.runs)
+        texts = ", ".join(f"'{text}'" for text in self[:4])
+        numbers = ", ".join(str(number) for number in self[4:7])
+        return f"upright.internal.study({texts}, {numbers}, [{runs}])"
+
+
+def folder() -> Path:
+    """Return the folder to add to MATLAB's path."""
+    package = Path(__file__).parents[1]
+    installed = package / "matlab_twin"
+    return installed if installed.is_dir() else package.parents[1] / "matlab"
+
+
+@cache
+def twin_version() -> str:
+    """Return a digest of the twin's sources."""
+    paths = sorted(folder().rglob("*"))
+    return digest((path for path in paths if path.suffix in (".m", ".c", ".h")), folder())
+
+
+def find_program() -> str:
+    """Return the path of MATLAB or Octave.
+
+    Raises
+    ------
+    UprightError
+        If there is none.
+    """
+    chosen = os.environ.get(CHOICE)
+    for name in (chosen,) if chosen else PROGRAMS:
+        found = shutil.which(name)
+        if found:
+            return found
+    if chosen:
+        raise UprightError(f"{CHOICE} is {chosen!r}; there is no such program")
+    raise UprightError(
+        "neither MATLAB nor GNU Octave is on the path; Octave is free: apt-get install octave "
+        "(Debian, Ubuntu), dnf install octave (Fedora), brew install octave (macOS), or its "
+        "installer for Windows"
+    )
+
+
+def command(program: str, statements: str) -> list[str]:
+    """Return the command by which MATLAB or Octave carries out statements, the twin on its path."""
+    path = str(folder()).replace("'", "''")
+    statements = f"addpath('{path}'); {statements}"
+    if Path(program).stem.lower() == "matlab":
+        return [program, "-batch", statements]
+    return [program, "--norc", "--quiet", "--eval", statements]
+
+
+def check_seed(seed: int) -> None:
+    """Raise UprightError unless the twin has a stream of random numbers for this seed."""
+    require("seed of MATLAB's random numbers", seed, 0, MOST_SEEDS, whole=True)
+
+
+def make_runs(jobs: Iterable[TwinJob]) -> Generator[tuple[TwinJob, Result], None, None]:
+    """Make runs, a process for every core, and yield each as it ends.
+
+    Whoever stops asking ends the processes.
+
+    Raises
+    ------
+    UprightError
+        If there is neither MATLAB nor Octave, or it fails.
+    """
+    jobs = list(jobs)
+    for job in jobs:
+        check_seed(job.seed)
+    program = find_program() if jobs else ""
+    ended: SimpleQueue[tuple[TwinJob, Result] | Exception | None] = SimpleQueue()
+    processes: list[subprocess.Popen[str]] = []
+
+    def work(job: TwinJob) -> None:
+        try:
+            for result in _runs_of(_start(program, job, processes), job):
+                ended.put((job, result))
+            ended.put(None)
+        except Exception as error:
+            ended.put(error)
+
+    workers = ThreadPoolExecutor(os.cpu_count())
+    try:
+        for job in jobs:
+            workers.submit(work, job)
+        left = len(jobs)
+        while left:
+            with let_interrupts_through():
+                news = ended.get()
+            if isinstance(news, Exception):
+                raise news
+            if news is None:
+                left -= 1
+            else:
+                yield news
+    finally:
+        workers.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.kill()
+
+
+def _start(program: str, job: TwinJob, processes: list["subprocess.Popen[str]"]) -> Iterator[str]:
+    """Start a process that makes runs, and yield its lines; raise an error if it fails."""
+    process = subprocess.Popen(
+        command(program, job.statement()),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env=os.environ | {"OMP_NUM_THREADS": "1"},  # the processes share the cores
+        start_new_session=True,  # Ctrl-C is for us, who end it
+    )
+    processes.append(process)
+    said: deque[str] = deque(maxlen=20)
+    with process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if not line.startswith(MARK):
+                said.append(line.rstrip())
+            yield line
+    if process.returncode != 0:
+        told = [line for line in said if line.startswith("error: ")] or [*said] or ["nothing"]
+        raise UprightError(f"{program} ended with status {process.returncode}; it said: {told[0]}")
+
+
+def _runs_of(lines: Iterator[str], job: TwinJob) -> Iterator[Result]:
+    """Yield the runs that lines tell of."""
+    missing = set(job.runs)
+    for line in lines:
+        if line.startswith(MARK):
+            told = json.loads(line.removeprefix(MARK))
+            run = told["run"] - 1
+            missing.remove(run)
+            yield Result(run, told["success"], np.array(told["lengths"], np.int64), told["seconds"])
+    if missing:
+        raise UprightError(f"the MATLAB twin ended without {len(missing)} of its runs")

@@ -1,0 +1,236 @@
+"""Playing what was learned: a policy balances, and does not learn.
+
+Each trial has random numbers of its own, which no learner ever drew, and where the plant varies, a
+plant of its own.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from itertools import repeat
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from upright.agents import is_custom
+from upright.core.compiled import compiled
+from upright.core.contracts import Agent, Plant
+from upright.core.parameters import State
+from upright.core.task import Task
+from upright.core.trials import Result, trial
+from upright.pictures.picture import picture
+from upright.pictures.scene import Scene
+from upright.policies.policy import Policy
+from upright.studies.case import Case, make_case
+from upright.studies.random_streams import PLAYING_STREAM
+from upright.studies.run import choose_loop, make_plant, outcome
+
+PAUSE = 25
+"""How many times the last picture of a trial is shown again: half a second."""
+
+
+class Player(NamedTuple):
+    """A policy in the form that the compiled loop takes. It does what a `Policy` does."""
+
+    memory: Any
+    """What the agent had learned."""
+
+    @compiled
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Do nothing: there is no history."""
+
+    @compiled
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        """Sample a push."""
+        return rng.random() < self.memory.push_probability(observation)  # type: ignore[no-any-return]
+
+    @compiled
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Learn nothing."""
+
+    @compiled
+    def end_trial(self, fallen: bool) -> None:
+        """Learn nothing."""
+
+
+class RememberingPlayer(Player):
+    """The same, where what was measured before plays a part."""
+
+    __slots__ = ()
+
+    @compiled
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        """Forget the trial before."""
+        self.memory.begin_trial(rng)
+
+    @compiled
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        """Remember what was measured and done."""
+        self.memory.remember(before, action)
+
+
+class TrialOutcome(NamedTuple):
+    """How a trial went."""
+
+    steps: int
+    """How many steps it lasted."""
+    balanced: bool
+    """Whether it ended without a fall."""
+
+
+def case_for(policy: Policy, **changes: Any) -> Case:
+    """Return the case that a policy plays: what it learned on, but for the changes.
+
+    Parameters
+    ----------
+    policy
+        Who plays.
+    **changes
+        Parts of a task by name, as `task.make_task` takes them.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, or a number is not allowed.
+    """
+    names = ("noise", "start", "integrator", "condition")
+    learned = {name: policy.task[name] for name in names}
+    return make_case(policy.agent, **(learned | changes))
+
+
+def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
+    """Play trial after trial and yield how each went.
+
+    The policies of the package's agents play compiled, if the plant is; those of agents from
+    outside in Python.
+    """
+    agent = policy if is_custom(policy.agent) else player(policy)
+    stop = np.zeros(1, np.bool_)
+    thread = ThreadPoolExecutor(1)  # this one stays free for Ctrl-C, which compiled code ignores
+    try:
+        for episode in range(episodes):
+            lengths = np.zeros(1, np.int64)
+            yield thread.submit(_play_once, agent, case, seed, episode, lengths, stop).result()
+    finally:
+        stop[0] = True
+        thread.shutdown(wait=case.plant.alone)  # such a body stops within a step
+
+
+def _play_once(
+    agent: Agent, case: Case, seed: int, episode: int, lengths: np.ndarray, stop: np.ndarray
+) -> TrialOutcome:
+    plant, task, rng = prepare(case, seed, episode, stop)
+    with closing(plant):
+        loop = choose_loop(case, agent, plant)
+        succeeded = loop(agent, plant, task._replace(trials=1), rng, lengths, stop) > 0
+    return TrialOutcome(int(lengths[0]), succeeded)
+
+
+def play_run(
+    policy: Policy, case: Case, seed: int, plant: Plant, lengths: np.ndarray, stop: np.ndarray
+) -> Result | None:
+    """Play on a body that is there already, until a trial balances; None if that was stopped."""
+    agent = policy if is_custom(policy.agent) else player(policy)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, PLAYING_STREAM)))
+    with closing(plant):
+        loop = choose_loop(case, agent, plant)
+        began = time.perf_counter()
+        balanced = loop(agent, plant, case.task(), rng, lengths, stop) > 0
+        seconds = time.perf_counter() - began
+    return outcome(case, 0, balanced, lengths, seconds)
+
+
+def player(policy: Policy) -> Player:
+    """Return a policy of the package's agents in the form that the compiled loop takes."""
+    kind = RememberingPlayer if hasattr(policy.memory, "remember") else Player
+    return kind(policy.memory)
+
+
+def prepare(
+    case: Case, seed: int, episode: int, stop: np.ndarray
+) -> tuple[Plant, Task, np.random.Generator]:
+    """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
+    plant, task = make_plant(case, seed, episode, stop)
+    numbers = np.random.SeedSequence(seed, spawn_key=(episode, PLAYING_STREAM))
+    return plant, task, np.random.default_rng(numbers)
+
+
+class _Recorder:
+    """Stands between an agent and a plant, in the place of both, and keeps what passes."""
+
+    def __init__(self, agent: Agent, plant: Plant) -> None:
+        self.agent, self.plant = agent, plant
+        self.states: list[State] = []
+        self.measured: list[State] = []
+        self.forces = [0.0]
+
+    def reset(self, state: State) -> State:
+        self.states.append(self.plant.reset(state))
+        return self.states[-1]
+
+    def step(self, force: float) -> State:
+        self.forces.append(force)
+        self.states.append(self.plant.step(force))
+        return self.states[-1]
+
+    def has_fallen(self, state: State) -> bool:
+        return self.plant.has_fallen(state)
+
+    def close(self) -> None:
+        self.plant.close()
+
+    def begin_trial(self, rng: np.random.Generator) -> None:
+        self.agent.begin_trial(rng)
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        return self.agent.act(observation, rng)
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
+        self.measured += [after] if self.measured else [before, after]
+        self.agent.learn(before, action, after, fallen)
+
+    def end_trial(self, fallen: bool) -> None:
+        self.agent.end_trial(fallen)
+
+
+def record(
+    agent: Agent, plant: Plant, task: Task, rng: np.random.Generator
+) -> tuple[list[Scene], TrialOutcome]:
+    """Let an agent balance once in Python, and return what there was to see and how it went.
+
+    There is a scene of the start and one after each step, with the force that led to it.
+    """
+    recorder = _Recorder(agent, plant)
+    steps, fallen = trial(recorder, recorder, task, rng)
+    seen = zip(recorder.states, recorder.measured, recorder.forces, strict=True)
+    return [Scene(*each) for each in seen], TrialOutcome(steps, not fallen)
+
+
+def pictures(
+    policy: Policy, case: Case, episodes: int, seed: int, on_trial: Callable[[TrialOutcome], None]
+) -> Iterator[np.ndarray]:
+    """Play the same trials as `play`, and yield a picture of every step.
+
+    Parameters
+    ----------
+    on_trial
+        Told how each trial went, when its last picture was seen.
+
+    Raises
+    ------
+    UprightError
+        If pygame-ce is missing.
+    """
+    for episode in range(episodes):
+        plant, task, rng = prepare(case, seed, episode, np.zeros(1, np.bool_))
+        with closing(plant):
+            scenes, played = record(policy, plant, task, rng)
+        for step, scene in enumerate(scenes):
+            seconds = step * task.parameters.time_step
+            ending = "   fallen" if step == played.steps and not played.balanced else ""
+            caption = f"trial {episode + 1}   step {step:,}   {seconds:,.1f} s{ending}"
+            pixels = picture(task.parameters, scene._replace(caption=caption))
+            yield pixels
+        on_trial(played)
+        yield from repeat(pixels, PAUSE)

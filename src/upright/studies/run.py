@@ -1,0 +1,132 @@
+"""One run: its task, its plant, its loop, and what came of it."""
+
+import time
+from collections.abc import Callable
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from upright.agents import is_custom
+from upright.agents.custom import is_learner
+from upright.core.compiled import explain, is_compiled
+from upright.core.conditions import CONDITIONS
+from upright.core.contracts import Plant
+from upright.core.loops import bound_run, compiled_run, custom_run
+from upright.core.task import Task, draw_plant
+from upright.core.trials import Result
+from upright.core.trials import run as run_trials
+from upright.errors import UprightError, require_module, require_one_of
+from upright.studies.case import Case
+from upright.studies.random_streams import PLANT_STREAM, random_numbers
+
+
+def make_run_task(case: Case, seed: int, run: int) -> Task:
+    """Return the task of one run, with the plant that is the run's own where they vary.
+
+    All agents meet the same plant in the run of this number.
+    """
+    task = case.task()
+    if CONDITIONS[case.condition].varies_plant:
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, 1)))
+        task = task._replace(parameters=draw_plant(task.parameters, rng))
+    return task
+
+
+def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    """Return the body of a run, and what of the run's task is left to the loop."""
+    numbers = np.random.SeedSequence(seed, spawn_key=(run, PLANT_STREAM))
+    own = int(numbers.generate_state(1)[0]) // 2  # a whole number that ROS 2 takes, too
+    return case.plant.make(make_run_task(case, seed, run), case.noise, own, stop)
+
+
+def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
+    """Return the loop for an agent and a plant: compiled, or in Python if one of them is not.
+
+    For a learner that only knows Gymnasium it is the learner's own.
+    """
+    if is_learner(agent):
+        require_one_of("plant of learners that only know Gymnasium", case.plant.name, ["equations"])
+        require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
+        from upright.environments.trial_protocol import run_learner
+
+        return run_learner
+    if not is_compiled(agent):
+        return run_trials
+    if not is_compiled(plant):
+        return bound_run
+    kind: Any = type(agent)
+    return custom_run(kind) if is_custom(case.agent) else compiled_run
+
+
+def make_run(
+    case: Case,
+    seed: int,
+    run: int,
+    lengths: np.ndarray | None = None,
+    stop: np.ndarray | None = None,
+    numbers: Callable[[int, int], np.random.Generator] | None = None,
+    plant: Plant | None = None,
+) -> tuple[Any, Result | None]:
+    """Let a new agent learn.
+
+    Parameters
+    ----------
+    lengths
+        Where the length of each trial is written as it ends, shape (case.trials,), int64; for a
+        thread that watches.
+    stop
+        Set its one element, a bool, to end the run before its next trial.
+    numbers
+        Where a run's random numbers come from: `twister_numbers`, or unless given
+        `random_numbers`.
+    plant
+        The body, if it is there already and makes all noise itself.
+
+    Returns
+    -------
+    tuple
+        The agent as it is then, and the result; None in its place if the run was stopped.
+
+    Raises
+    ------
+    UprightError
+        If an agent from outside lacks a method or cannot be compiled, a learner from outside ends
+        before its run, or the body fails.
+    """
+    rng = (numbers or random_numbers)(seed, run)
+    agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
+    lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
+    stop = np.zeros(1, np.bool_) if stop is None else stop
+    if plant is None:
+        plant, task = make_plant(case, seed, run, stop)
+    with closing(plant):
+        loop = choose_loop(case, agent, plant)
+        if is_compiled(agent):
+            _compile(case, agent, loop, plant, task)
+        began = time.perf_counter()
+        success = loop(agent, plant, task, rng, lengths, stop) > 0
+        seconds = time.perf_counter() - began
+    return agent, outcome(case, run, success, lengths, seconds)
+
+
+def outcome(
+    case: Case, run: int, success: bool, lengths: np.ndarray, seconds: float
+) -> Result | None:
+    """Return the result of a run whose trials had these lengths; None if it was stopped."""
+    made = lengths[lengths > 0]
+    stopped = not success and len(made) < case.trials
+    return None if stopped else Result(run, success, made, seconds)
+
+
+def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, task: Task) -> None:
+    """Have all machine code that a run needs, before its clock starts."""
+    rng, stop = np.random.default_rng(0), np.zeros(1, np.bool_)
+    try:
+        loop(agent, plant, task._replace(trials=0), rng, np.zeros(0, np.int64), stop)
+    except Exception as error:
+        if not is_custom(case.agent):
+            raise
+        # No trial of the run was made, so whatever went wrong is the compilation.
+        why = f"it cannot be compiled: {explain(error)}"
+        raise UprightError(f"agent is {case.agent!r}; {why}") from error

@@ -1,0 +1,160 @@
+"""Studies: many runs of many cases, on all cores, written down as they end."""
+
+import multiprocessing
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import replace
+from os import cpu_count
+from pathlib import Path
+from queue import SimpleQueue
+
+import numpy as np
+
+from upright.agents import is_custom, restore_settings
+from upright.core.compiled import is_compiled
+from upright.core.trials import Result
+from upright.errors import UprightError, require
+from upright.plants import restore_plant
+from upright.studies import matlab_twin
+from upright.studies.case import Case
+from upright.studies.run import make_run
+from upright.studies.store import Store
+from upright.support.interrupts import hold_interrupts, let_interrupts_through
+from upright.support.processes import process_pool
+
+
+def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
+    # `case.key` came with the case; a new process has imported the agent anew.
+    if replace(case).key != case.key:
+        raise UprightError(f"agent is {case.agent!r}; its source changed after it was imported")
+    return make_run(case, seed, run, stop=stop)[1]
+
+
+def study(
+    cases: Iterable[Case],
+    runs: int,
+    seed: int,
+    store: Store,
+    on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
+    executor: Executor | None = None,
+) -> None:
+    """Make the runs that the store does not hold yet, and write each down as it ends.
+
+    Parameters
+    ----------
+    cases
+        What to run.
+    runs
+        How many runs of each case, numbered from 0.
+    seed
+        Of the study. Run k of a case draws the same random numbers whatever the executor, the
+        order, or the runs made before.
+    store
+        Where finished runs are looked up and written.
+    on_result
+        Told of every run as it ends.
+    executor
+        Where to run. Unless given, every core has a thread, which is enough for compiled runs; or
+        a process, if some agent is plain Python, which can use one core at a time. Runs of the
+        MATLAB twin have processes of their own.
+
+    Raises
+    ------
+    UprightError
+        If `runs` or `seed` is no whole number in its range, or MATLAB or Octave is needed and
+        missing.
+    KeyboardInterrupt
+        If interrupted; the runs that had ended are in the store.
+    """
+    check_study(runs, seed)
+    missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
+    ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
+    twins = {case.wanted(seed, missing[case]): case for case in missing if case not in ours}
+
+    def keep(case: Case, result: Result) -> None:
+        store.add(case.key, seed, result)
+        on_result(case, result)
+
+    with hold_interrupts():
+        _study_here(ours, seed, keep, executor)
+        with closing(matlab_twin.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
+            for wanted, result in ended:
+                keep(twins[wanted], result)
+
+
+def _study_here(
+    missing: dict[Case, list[int]],
+    seed: int,
+    keep: Callable[[Case, Result], None],
+    executor: Executor | None,
+) -> None:
+    """Make the missing runs of this package's agents."""
+    stop = np.zeros(1, np.bool_)
+    others = set(multiprocessing.active_children())
+    workers = executor or _workers(list(missing))
+    futures: dict[Future[Result | None], Case] = {}
+    ended: SimpleQueue[Future[Result | None]] = SimpleQueue()
+    try:
+        for case, numbers in missing.items():
+            for run in numbers:
+                with let_interrupts_through():
+                    pass  # as there may be very many
+                future = workers.submit(_job, case, seed, run, stop)
+                futures[future] = case
+                future.add_done_callback(ended.put)
+        for _ in range(len(futures)):
+            with let_interrupts_through():
+                future = ended.get()
+            result, case = future.result(), futures[future]
+            assert result is not None, "only an interrupt stops a run"
+            keep(case, result)
+    except BaseException:
+        stop[0] = True  # seen by threads; runs elsewhere end by themselves
+        for future in futures:
+            future.cancel()
+        if executor is None:
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+        raise
+    finally:
+        if executor is None:
+            workers.shutdown(wait=False)
+
+
+def _workers(cases: list[Case]) -> Executor:
+    """Return a worker for every core: threads, or processes if an agent is plain Python.
+
+    Where there is one body only, there is one worker.
+    """
+    if any(case.plant.alone for case in cases):
+        return ThreadPoolExecutor(1)
+    outside = {case.settings for case in cases if is_custom(case.agent)}
+    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in outside):
+        return ThreadPoolExecutor(cpu_count())
+    return process_pool()
+
+
+def check_study(runs: int, seed: int) -> None:
+    """Raise UprightError unless a study can have so many runs and this seed."""
+    require("runs", runs, 1, 10**6, whole=True)
+    require("seed", seed, 0, 2**63 - 1, whole=True)
+
+
+def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
+    """Return what a store file holds: cases, seeds, and the runs made of them.
+
+    Raises
+    ------
+    UprightError
+        If the file is missing or not a store.
+    """
+    found = []
+    with Store(path, must_exist=True) as store:
+        for values, key, seed in store.cases():
+            settings = restore_settings(values["agent"], values.pop("settings"))
+            plant = restore_plant(values.pop("plant", {"name": "equations"}))
+            values.pop("rule")
+            case = Case(settings=settings, plant=plant, **values)
+            found.append((case, seed, store.results(key, seed)))
+    return found

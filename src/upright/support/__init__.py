@@ -1,0 +1,4 @@
+"""What any program needs: settings as values, files, processes, interrupts. Knows no pendulum.
+
+May import `upright.errors`.
+"""

@@ -1,0 +1,92 @@
+"""Writing files whole or not at all, and telling whether some have changed."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from upright.errors import UprightError
+
+PACKAGE = Path(__file__).parents[1]
+"""The folder of this package."""
+
+
+def digest(paths: Iterable[Path], folder: Path) -> str:
+    """Return a short digest of files: of their names within a folder, and of what is in them."""
+    whole = hashlib.sha256()
+    for path in paths:
+        whole.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return whole.hexdigest()[:12]
+
+
+def user_cache() -> Path:
+    """Return the folder for what can be made or fetched again; it need not exist yet."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "upright"
+
+
+def check_output(path: Path | str) -> Path:
+    """Return the path of a file to be written later, having made sure that it can be.
+
+    Raises
+    ------
+    UprightError
+        If its folder is missing or not writable, or the path is a folder.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise UprightError(f"output is {str(path)!r}; its folder does not exist")
+    if path.is_dir():
+        raise UprightError(f"output is {str(path)!r}; it is a folder, a file is needed")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UprightError(f"output is {str(path)!r}; it cannot be written")
+    return path
+
+
+@contextmanager
+def replacing(path: Path | str) -> Iterator[Path]:
+    """Give a file beside `path` to write to, which takes its place at the end if all went well.
+
+    Whoever opens `path` sees the old content or the new one, never a part.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be written.
+    """
+    path = check_output(path)
+    with _explained(path):
+        handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}.", path.parent)
+    os.close(handle)
+    try:
+        yield Path(name)
+        with _explained(path):
+            os.chmod(name, 0o644)
+            os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn an error of the system into one that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise UprightError(
+            f"output is {str(path)!r}; it cannot be written: {error.strerror}"
+        ) from None
+
+
+def write_file(path: Path | str, data: bytes | str) -> None:
+    """Write a file, whole or not at all.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be written.
+    """
+    with replacing(path) as part, _explained(Path(path)):
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
