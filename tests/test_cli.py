@@ -22,7 +22,7 @@ UPRIGHT = [
     "-c",
     # What a shell starts in the background ignores Ctrl-C, and so do the processes it starts.
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from upright.cli import main; main()",
+    "from upright.commands.cli import main; main()",
 ]
 QUICK = ["--steps", "300", "--agents", "random-search"]
 
@@ -218,7 +218,7 @@ def test_help_of_every_command_teaches_by_example(capsys):
 def test_help_needs_no_heavy_library():
     heavy = {"numba", "scipy", "matplotlib", "rich", "numpy", "pygame", "imageio_ffmpeg"}
     program = (
-        "import sys; from upright.cli import run\n"
+        "import sys; from upright.commands.cli import run\n"
         "try: run(['--help'])\n"
         f"except SystemExit: print({heavy!r} & set(sys.modules))"
     )

@@ -66,11 +66,13 @@ def test_the_digest_of_named_files_ignores_the_others(copied, monkeypatch):
 # ------------------------------------------------------------------------------ kernels on disk
 
 RUN = """
-from upright.study import make_case, make_run
+from upright.studies.case import make_case
+from upright.studies.run import make_run
 print(make_run(make_case("random-search", steps=500, trials=20), 3, 0)[1].lengths.tolist())
 """
 STEP = """
-from upright.cartpole import Parameters, State, step
+from upright.core.parameters import Parameters, State
+from upright.core.cartpole import step
 print(step(Parameters(), State(0.0, 0.1, 0.2, 0.3), 10.0))
 """
 
@@ -110,7 +112,7 @@ def test_it_works_where_no_usual_folder_can_be_written(tmp_path):
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"])
 def test_kernels_are_kept_in_the_user_s_folder(variable, tmp_path):
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", variable: str(tmp_path)}
-    ended = python("from upright.compiled import CACHE_FOLDER; print(CACHE_FOLDER)", **places)
+    ended = python("from upright.core.compiled import CACHE_FOLDER; print(CACHE_FOLDER)", **places)
     assert Path(ended.stdout.strip()).is_relative_to(tmp_path)
     assert Path(ended.stdout.strip()).name == f"kernels-{sources_hash()}"
 

@@ -175,8 +175,8 @@ def test_pictures_need_no_display_and_outlive_the_end_of_pygame():
     pygame.font.init()
     np.testing.assert_array_equal(draw(at(1), caption="trial 1"), before)
     program = (
-        "from upright.cartpole import Parameters, State\n"
-        "from upright.drawing import Scene, picture\n"
+        "from upright.core.parameters import Parameters, State\n"
+        "from upright.pictures.scene import Scene\nfrom upright.pictures.picture import picture\n"
         "picture(Parameters(), Scene(State(0, 0, 0, 0)))\n"
         "import pygame; print(pygame.display.get_init())"
     )
@@ -392,7 +392,7 @@ def test_a_window_is_closed_by_its_user(event, window):
 def test_without_a_display_a_window_is_refused(display):
     program = (
         "import os; os.environ.pop('SDL_VIDEODRIVER', None)\n"
-        "from upright.drawing import Window\n"
+        "from upright.pictures.window import Window\n"
         "from upright.errors import UprightError\n"
         "try: Window('upright', 50)\n"
         "except UprightError as error: print(error)"

@@ -324,7 +324,8 @@ def processes_with(text: str) -> list[int]:
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
     """Begin a study in a process of its own, and return that once a run has ended."""
-    command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
+    code = "from upright.commands.cli import main; main()"
+    command = [sys.executable, "-c", code, "matlab", "table"]
     # More cases than cores, so that it is far from its end when the first run has ended.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]
     command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]

@@ -323,8 +323,8 @@ def test_machine_code_is_found_by_the_next_process(tmp_path):
 import numpy as np
 from upright.agents import named_settings
 from upright.plants.mujoco import Mujoco
-from upright.task import make_task
-from upright.trials import compiled_run
+from upright.core.task import make_task
+from upright.core.loops import compiled_run
 agent = named_settings("random-search")["default"].agent(np.random.default_rng(0))
 lengths = np.zeros(20, np.int64)
 compiled_run(agent, Mujoco().plant(), make_task(trials=20), np.random.default_rng(0), lengths,

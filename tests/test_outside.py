@@ -74,7 +74,7 @@ COMPILED = """
     from typing import NamedTuple
 
     import numpy as np
-    from upright.compiled import compiled
+    from upright.core.compiled import compiled
 
 
     class Climber(NamedTuple):
@@ -573,8 +573,8 @@ def test_a_compiled_agent_leaves_no_trace_among_the_kernels(compiled_case):
     agent.push_probability(State(0.0, 0.0, 0.0, 0.0))
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
     ended = python(
-        "from upright.study import make_case, make_run\n"
-        "from upright.trials import compiled_run\n"
+        "from upright.studies.case import make_case\nfrom upright.studies.run import make_run\n"
+        "from upright.core.loops import compiled_run\n"
         "make_run(make_case('random-search', steps=10, trials=1), 0, 0)\n"
         "stats = compiled_run._outer.stats\n"
         "print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
@@ -594,7 +594,7 @@ def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_
     agent = f"{write(ENDLESS)}:Climber"
     program = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from upright.cli import main; main()"
+        "from upright.commands.cli import main; main()"
     )
     line = f"table --agents {agent} --noises none --runs 4 --steps 1000000000"
     process = subprocess.Popen(

@@ -258,8 +258,9 @@ def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
 
 KILLED_STUDY = """
 import os, signal, sys
-from upright.store import Store
-from upright.study import make_case, study
+from upright.studies.store import Store
+from upright.studies.case import make_case
+from upright.studies.study import study
 
 def die():
     os.kill(os.getpid(), signal.SIGKILL)
