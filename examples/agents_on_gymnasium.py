@@ -73,10 +73,10 @@ def make_run(name: str, case: Case, seed: int, number: int) -> Result:
     """Let a new agent learn in an environment, as `study.make_run` does on the equations."""
     rng = random_numbers(seed, number)
     agent = case.settings.agent(rng)
-    body = GymnasiumBody(name, case.steps, int(rng.integers(2**31)))
-    lengths = np.zeros(case.trials, np.int64)
+    body = GymnasiumBody(name, case.spec.steps, int(rng.integers(2**31)))
+    lengths = np.zeros(case.spec.trials, np.int64)
     began = time.perf_counter()
-    success = run(agent, body, case.task(), rng, lengths, np.zeros(1, np.bool_)) > 0
+    success = run(agent, body, case.spec.task(), rng, lengths, np.zeros(1, np.bool_)) > 0
     body.close()
     return Result(number, success, lengths[lengths > 0], time.perf_counter() - began)
 

@@ -303,7 +303,7 @@ def test_a_larger_board_makes_only_the_runs_that_are_missing(tmp_path, monkeypat
     rows = make_rows(small, columns)
     assert sorted(made) == [0, 0, 1, 1]
     assert list(rows) == ["calm", "tilted"]
-    assert [each.start for (each,) in rows.values()] == ["random", "wide"]
+    assert [each.spec.start for (each,) in rows.values()] == ["random", "wide"]
     made.clear()
     rows = make_rows(small._replace(runs=3), columns)
     assert made == [2, 2]

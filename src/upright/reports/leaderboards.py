@@ -7,7 +7,7 @@ intervals overlap, the two are tied.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from upright import __version__
 from upright.agents import AGENTS
@@ -27,13 +27,13 @@ STARTS_SHOWN = {
     "random": "Start within ±0.05",
     "zero": "Start exactly upright",
 }
-PUBLISHED = {
+PUBLISHED: dict[str, dict[str, Any]] = {
     f"{start} {noise}": {"start": start, "noise": noise}
     for start in STARTS_SHOWN
     for noise in PUBLISHED_NOISES
 }
 """The columns of the leaderboard, over both its tables."""
-ROBUST: dict[str, dict[str, str]] = {
+ROBUST: dict[str, dict[str, Any]] = {
     "as published": {},
     "plant varies": {"condition": "varied-plant"},
     "delay 1": {"condition": "delay-1"},
@@ -64,7 +64,7 @@ class BoardPlan(NamedTuple):
     """Where finished runs are kept; without one, they are lost when interrupted."""
 
 
-def make_rows(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str, list[Row]]:
+def make_rows(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Row]]:
     """Make the runs that are missing, and return the row of every agent for each column."""
     cases = _cases(study, columns)
     with Store(study.store) as store:
@@ -76,7 +76,7 @@ def make_rows(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str,
         }
 
 
-def _cases(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str, list[Case]]:
+def _cases(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Case]]:
     return {
         title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
         for title, task in columns.items()
@@ -203,7 +203,7 @@ Where fewer than 95 % of the runs succeed:
 def _measure(
     path: Path | str,
     study: BoardPlan,
-    columns: dict[str, dict[str, str]],
+    columns: dict[str, dict[str, Any]],
     say: Callable[[str], None],
 ) -> dict[str, list[Row]]:
     """Make the folders, measure, and write the figures beside the board.

@@ -107,7 +107,7 @@ def draw(folder: Path, learned: list[tuple[Case, list[Result]]], seed: int) -> N
     from upright.reports import plots
 
     tuned = [(case, results) for case, results in learned if case.label == "default"]
-    noise_free = [(case, results) for case, results in tuned if case.noise == "none"]
+    noise_free = [(case, results) for case, results in tuned if case.spec.noise == "none"]
     plots.save(plots.plot_curves(noise_free), folder / "learning-curves.png")
     plots.save(plots.plot_trials(learned), folder / "trials.png")
     policies = []
