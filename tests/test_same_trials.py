@@ -389,14 +389,13 @@ def recorded() -> dict[str, Any]:
     return json.loads(RECORD.read_text()) if RECORD.exists() else {"versions": {}, "figures": {}}
 
 
-def params() -> Iterator[Any]:
-    for name in FIGURES:
-        marks = [pytest.mark.gazebo] if program_of(name) == "gazebo" else []
-        yield pytest.param(name, marks=marks)
+def marked(name: str) -> Any:
+    """Return a name for pytest, with the marker of the program that it needs."""
+    return pytest.param(name, marks=[pytest.mark.gazebo] if program_of(name) == "gazebo" else [])
 
 
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # what rclpy imports does
-@pytest.mark.parametrize("name", params())
+@pytest.mark.parametrize("name", list(map(marked, FIGURES)))
 def test_trials_are_the_same(name):
     record = recorded()
     if program := program_of(name):
