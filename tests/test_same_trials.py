@@ -1,7 +1,8 @@
 """The same seed gives the same trials as before, bit for bit.
 
 `same_trials.json` holds what earlier code did: how long every trial was, whether the run succeeded,
-and digests of what was learned. Nothing in it names a field of an agent's memory, so that memories
+and digests of what was learned: of what the policy does, of its form, and of arrays of numbers that
+the agent's memory must hold somewhere. Nothing in it names a field of a memory, so that memories
 may be arranged anew. After an intended change of a rule, the noise or the physics, record again
 
     python tests/test_same_trials.py                all
@@ -80,6 +81,17 @@ def with_rk4() -> dict[str, Any]:
     return {"integrator": int(Integrator.RK4)}
 
 
+LEARNED = (
+    *("model", "moments", "targets", "gains"),  # adaptive-lqr
+    *("adam.mean", "adam.mean_square", "baseline.coefficients"),  # reinforce
+    *("action.layer_1", "action.layer_2", "critic.layer_1", "critic.layer_2"),  # ndp
+    "table",  # q-learning
+    *("weights", "predictions"),  # ase-ace and random-search
+    "best",  # the example of a compiled agent
+)
+"""Arrays of memories that hold what was learned. Their names are needed for recording alone."""
+
+
 def gazebo_version() -> str:
     try:
         return find_gazebo().version
@@ -110,6 +122,15 @@ def numbers_in(form: Any) -> Iterator[float]:
         yield float(form)
 
 
+def arrays_in(memory: Any, prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """Yield every array of floats in a memory, with its name."""
+    for name, value in memory._asdict().items() if hasattr(memory, "_asdict") else ():
+        if isinstance(value, np.ndarray) and value.dtype == np.float64:
+            yield prefix + name, value
+        else:
+            yield from arrays_in(value, f"{prefix}{name}.")
+
+
 def pushes(agent: Any) -> list[float]:
     """Return what an agent does on many observations: its probabilities if it has them."""
     if hasattr(agent, "push_probability"):
@@ -125,6 +146,7 @@ def figures_of_run(case: Any, run: int = 0, twister: bool = False) -> Figures:
         figures["pushes"] = digest(pushes(agent))
     if hasattr(agent, "policy_form"):
         figures["form"] = digest(numbers_in(agent.policy_form()))
+    figures["arrays"] = {name: digest(array.flat) for name, array in arrays_in(agent)}
     return figures
 
 
@@ -385,6 +407,13 @@ def program_of(name: str) -> str:
     return first if first in PROGRAMS else ""
 
 
+def for_record(figures: Figures) -> Figures:
+    """Return figures as they are recorded: of the arrays those with what was learned, unnamed."""
+    arrays = figures.pop("arrays", {})
+    learned = [arrays[name] for name in LEARNED if name in arrays]
+    return figures | ({"arrays": learned} if learned else {})
+
+
 def recorded() -> dict[str, Any]:
     return json.loads(RECORD.read_text()) if RECORD.exists() else {"versions": {}, "figures": {}}
 
@@ -402,7 +431,10 @@ def test_trials_are_the_same(name):
         wanted, here = record["versions"][program], PROGRAMS[program]()
         if here != wanted:
             pytest.skip(f"figures of {program} {wanted} are recorded; here is {here or 'none'}")
-    assert FIGURES[name]() == record["figures"][name]
+    expected, figures = record["figures"][name], FIGURES[name]()
+    arrays = set(figures.pop("arrays", {}).values())
+    assert set(expected.pop("arrays", [])) <= arrays
+    assert figures == expected
 
 
 def test_nothing_is_left_out_of_the_record():
@@ -414,7 +446,8 @@ def test_figures_tell_runs_apart():
     figures = recorded()["figures"]
     for agent in AGENTS:
         own = [value for name, value in figures.items() if f"noise/{agent}/" in name]
-        assert len({value["form"] for value in own}) > len(own) / 2, agent
+        for kind in ("form", "arrays"):
+            assert len({str(value[kind]) for value in own}) > len(own) / 2, (agent, kind)
         if agent != "adaptive-lqr":  # which succeeds at once
             assert len({str(value["lengths"]) for value in own}) > len(own) / 2, agent
 
@@ -427,7 +460,7 @@ def record_again(beginnings: tuple[str, ...]) -> None:
     for name, compute in FIGURES.items():
         program = program_of(name)
         if name.startswith(beginnings) and (not program or here[program]):
-            figures[name] = compute()
+            figures[name] = for_record(compute())
             changed = " " if old.get(name) == figures[name] else "*"
             print(changed, name, figures[name], flush=True)
             if program:
