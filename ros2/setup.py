@@ -1,4 +1,4 @@
-"""Installs `upright_ros` for colcon; pip installs it as a part of `upright`."""
+"""Install `upright_ros` with colcon; pip installs it as part of `upright`."""
 
 from glob import glob
 from xml.etree import ElementTree
