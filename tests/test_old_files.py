@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from upright.cartpole import State
-from upright.play import case_for, play
-from upright.policy import load_policy
+from upright.core.parameters import State
+from upright.policies.files import load_policy
+from upright.studies.playing import case_for, play
 
 FOLDER = Path(__file__).parent / "data/0.1.0"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
-COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
 LIMITS = State(2.4, 2.0, 0.2, 2.0)
 
 

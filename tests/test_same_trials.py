@@ -29,19 +29,21 @@ import numpy as np
 import pytest
 
 import upright  # noqa: F401 - makes the environments known
-from upright.agents import AGENTS, named_settings
-from upright.cartpole import Integrator, State
-from upright.env import CartPoleEnv
+from upright.agents import AGENTS
+from upright.core.cartpole import INTEGRATORS
+from upright.core.conditions import CONDITIONS, NOISES, STARTS
+from upright.core.parameters import State
+from upright.environments.cartpole_env import CartPoleEnv
+from upright.environments.trial_protocol import RunOver, TrialProtocol
 from upright.errors import UprightError
-from upright.gazebo.installation import find_gazebo
-from upright.noise import NOISES
-from upright.plants import default_plant
-from upright.play import case_for, play
-from upright.policy import learned_policy
-from upright.protocol import RunOver, TrialProtocol
-from upright.settings import change_settings
-from upright.study import make_case, make_run, twister_numbers
-from upright.task import CONDITIONS, STARTS
+from upright.plants import PLANTS
+from upright.plants.gazebo.installation import find_gazebo
+from upright.studies.case import make_case
+from upright.studies.learned import learned_policy
+from upright.studies.playing import case_for, play
+from upright.studies.random_streams import twister_numbers
+from upright.studies.run import make_run
+from upright.support.settings import change_settings
 
 RECORD = Path(__file__).with_name("same_trials.json")
 ROOT = Path(__file__).parents[1]
@@ -53,17 +55,16 @@ Figures = dict[str, Any]
 
 # ---- How the package is asked: only here, and in the imports -------------------------------------
 
-COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
-INTEGRATORS = [each.name.lower().replace("_", "-") for each in Integrator]
-EULER = "euler"
+COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
 
 
-def case_of(agent: str, label: str = "default", integrator: str = EULER, **task: Any) -> Any:
-    return make_case(agent, label, integrator=integrator, **(SHORT | task))
+def case_of(agent: str, label: str = "default", integrator: str = "", **task: Any) -> Any:
+    plant = {"plant": plant_of("equations", integrator=integrator)} if integrator else {}
+    return make_case(agent, label, **(SHORT | plant | task))
 
 
 def plant_of(name: str, **changes: str) -> Any:
-    return change_settings(default_plant(name), changes)
+    return change_settings(PLANTS.default(name), changes)
 
 
 def learned_in(case: Any, run: int = 0, twister: bool = False) -> tuple[Any, Any]:
@@ -74,11 +75,6 @@ def learned_in(case: Any, run: int = 0, twister: bool = False) -> tuple[Any, Any
 def played(case: Any, memory: Any, episodes: int, **changes: Any) -> list[Any]:
     policy = learned_policy(case, SEED, 0, memory)
     return list(play(policy, case_for(policy, **changes), episodes, SEED))
-
-
-def with_rk4() -> dict[str, Any]:
-    """Return parameters of an environment that moves by another integrator."""
-    return {"integrator": int(Integrator.RK4)}
 
 
 LEARNED = (
@@ -302,7 +298,7 @@ FEW = {"steps": 300, "trials": 8}
 def runs() -> Iterator[tuple[str, Any, int]]:
     """Yield every run on the equations: its name, its case, its number."""
     for agent in AGENTS:
-        for label, noise in itertools.product(named_settings(agent), NOISES):
+        for label, noise in itertools.product(AGENTS.settings(agent), NOISES):
             yield f"noise/{agent}/{label}/{noise}", case_of(agent, label, noise=noise), 0
         yield f"hard/{agent}", case_of(agent, **HARD), 1
         for condition, noise in itertools.product(CONDITIONS, NOISY):
@@ -376,7 +372,7 @@ def environments() -> Iterator[tuple[str, Callable[[], Figures]]]:
     options: dict[str, dict[str, Any]] = {
         **{noise: {"noise": noise} for noise in (*NOISY, "actuator-10", "all-10")},
         "changed": {"parameters": changed, "noise": "sensor-5", "start": "wide"},
-        "rk4": {"parameters": with_rk4(), "noise": "gaussian-0.1"},
+        "rk4": {"integrator": "rk4", "noise": "gaussian-0.1"},
         "float64": {"dtype": "float64", "reward": "failure", "start": "zero", "noise": "all-5"},
     }
     names = ("CartPole", "ContinuousCartPole")
