@@ -170,11 +170,7 @@ def arrays(memory: Any) -> Iterator[np.ndarray]:
 
 def recorded_rows(path: Path) -> list[Row]:
     """Return the rows that a table was written of as JSON."""
-    intervals = ("success_ci95", "ci95", "all_runs_ci95")
-    return [
-        Row(**values | {name: values[name] and tuple(values[name]) for name in intervals})
-        for values in json.loads(path.read_text())
-    ]
+    return [Row.from_data(values) for values in json.loads(path.read_text())]
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -275,7 +275,7 @@ def test_rows_of_the_twin_stand_beside_those_of_the_package(tmp_path, capsys):
     same = ["--agents", "q-learning", "--noises", "none,sensor-5", "--runs", "3"]
     same += ["--steps", "500", "--store", str(store)]
     assert run(["matlab", "table", *same, "--format", "json"]) == 0
-    rows = [Row(**row) for row in json.loads(capsys.readouterr().out)]
+    rows = [Row.from_data(row) for row in json.loads(capsys.readouterr().out)]
     assert [row.name for row in rows] == ["q-learning (MATLAB)"] * 2
     assert rows[0].published["Report"] == 42
     expected = [len(lengths(make_case("q-learning", steps=500), 0, k)) for k in range(3)]
