@@ -69,4 +69,5 @@ def loop_for(agent: Any, plant: Any, *, kept: bool) -> Callable[..., int]:
         return run
     if not is_compiled(plant):
         return bound_run
-    return compiled_run if kept else custom_run(type(agent), type(plant))
+    kinds: Any = type(agent), type(plant)
+    return compiled_run if kept else custom_run(*kinds)

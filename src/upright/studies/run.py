@@ -42,7 +42,7 @@ def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant
 
 
 def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
-    """Return the loop for an agent and a plant, or what moves a learner that only knows Gymnasium."""
+    """Return the loop for an agent and a plant; for a learner that knows Gymnasium, its driver."""
     if is_learner(agent):
         require_one_of("plant of learners that only know Gymnasium", case.plant.name, ["equations"])
         require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
