@@ -19,7 +19,13 @@ AGENTS = {
     "ase-ace": "upright.agents.ase_ace",
     "random-search": "upright.agents.random_search",
 }
-"""Where each agent is found. Modules are imported when used: compiled code is slow to load."""
+"""Where each agent is found. Modules are imported when used: compiled code is slow to load.
+
+Examples
+--------
+>>> "adaptive-lqr" in upright.AGENTS
+True
+"""
 
 MATLAB_AGENTS = ("q-learning", "reinforce", "random-search")
 """The agents that the MATLAB twin has, too."""

@@ -10,7 +10,14 @@ from upright.errors import require, require_one_of
 
 
 class Task(NamedTuple):
-    """The numbers that define a run, in the form that compiled code takes."""
+    """The numbers that define a run, in the form that compiled code takes.
+
+    Examples
+    --------
+    >>> task = upright.make_case("reinforce", noise="sensor-5", condition="delay-1").task()
+    >>> task.steps, task.delay, task.noise.angle
+    (60000, 1, 0.05)
+    """
 
     parameters: Parameters = Parameters()
     """The plant."""

@@ -17,7 +17,13 @@ PLANTS = {
     "gazebo": "upright.plants.gazebo.plant",
     "ros2": "upright.plants.ros2.plant",
 }
-"""Every plant, and the module that makes it."""
+"""Every plant, and the module that makes it.
+
+Examples
+--------
+>>> "mujoco" in upright.PLANTS
+True
+"""
 
 
 def default_plant(name: str) -> PlantSettings:

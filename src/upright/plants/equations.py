@@ -44,7 +44,33 @@ class Equations(NamedTuple):
 
 
 def equations(parameters: Parameters | None = None) -> Equations:
-    """Return the plant as compiled equations, at rest and upright."""
+    """Return the plant as compiled equations, at rest and upright.
+
+    Parameters
+    ----------
+    parameters
+        Of the plant; the published ones unless given.
+
+    Returns
+    -------
+    Equations
+        A plant with the methods `reset`, `step` and `has_fallen`.
+
+    Raises
+    ------
+    UprightError
+        If a parameter is impossible.
+
+    Examples
+    --------
+    >>> plant = upright.equations()
+    >>> state = plant.reset(upright.State(0.0, 0.0, 0.0, 0.0))
+    >>> state = plant.step(10.0)  # a push of 10 N to the right, for 0.02 s
+    >>> round(state.x_dot, 3), round(state.theta_dot, 3)
+    (0.195, -0.293)
+    >>> plant.has_fallen(state)
+    False
+    """
     return Equations(check_parameters(parameters or Parameters()), np.zeros(4))
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
+from upright.agents import Settings
 from upright.agents.parts.policy_form import Form
 from upright.core.parameters import State
 from upright.core.task import Task, make_task
@@ -20,7 +21,16 @@ TASK = ("noise", "start", "steps", "integrator", "condition")
 
 @dataclass(frozen=True)
 class Policy:
-    """A learned policy. It balances as an agent does, and learns no more."""
+    """A learned policy. It balances as an agent does, and learns no more.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("random-search", steps=300, seed=3)
+    >>> policy.push_probability(upright.State(0.0, 0.0, theta=0.1, theta_dot=0.5))
+    1.0
+    >>> policy.contract()["observation"]
+    ['x [m]', 'x_dot [m/s]', 'theta [rad]', 'theta_dot [rad/s]']
+    """
 
     agent: str
     """Name of the agent that learned it."""
@@ -30,6 +40,8 @@ class Policy:
     """What it learned on: noise, start, steps, integrator, condition, seed and run; and the name of
     the plant, if that was not the equations.
     """
+    settings: Settings | None = None
+    """The settings of its agent; None if they are unknown, as a file in JSON does not tell them."""
 
     def __post_init__(self) -> None:
         """Stand at the beginning of a trial."""

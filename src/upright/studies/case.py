@@ -16,7 +16,7 @@ from upright.agents import (
 from upright.core.conditions import STEPS, TRIALS
 from upright.core.task import Task, make_task
 from upright.errors import UprightError, require_one_of
-from upright.plants import describe_plant
+from upright.plants import default_plant, describe_plant
 from upright.plants.equations import SETTINGS as EQUATIONS
 from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
@@ -28,7 +28,18 @@ LANGUAGES = ("Python", "MATLAB")
 
 @dataclass(frozen=True)
 class Case:
-    """An agent with its settings on a task: everything that determines a run, save its seed."""
+    """An agent with its settings on a task: everything that determines a run, save its seed.
+
+    Examples
+    --------
+    `make_case` makes one by names. A setting is changed so:
+
+    >>> from dataclasses import replace
+    >>> case = upright.make_case("q-learning", noise="actuator-5")
+    >>> slower = replace(case, settings=replace(case.settings, learning_rate=0.1))
+    >>> slower.settings.learning_rate
+    0.1
+    """
 
     agent: str
     """Name of the agent."""
@@ -113,14 +124,32 @@ def named(agent: str, language: str, plant: str) -> str:
 def make_case(agent: str, label: str = "default", **task: Any) -> Case:
     """Return the case of an agent with its settings of this name.
 
+    Parameters
+    ----------
+    agent
+        One of `AGENTS`, or ``module:name`` of an agent of your own.
+    label
+        Name of its settings: "default" or "as-published". An agent that knows only its default
+        settings takes them whatever the name.
+    **task
+        Fields of `Case` that are to differ from their defaults: `noise`, `start`, `steps`,
+        `trials`, `condition`, `plant` and others. A plant is one of `PLANTS` or its settings.
+
     Raises
     ------
     UprightError
-        If the agent or any name is unknown. An agent that knows only its default settings takes
-        them whatever the name.
+        If the agent or any name is unknown, or a number is not allowed.
+
+    Examples
+    --------
+    >>> case = upright.make_case("reinforce", "as-published", noise="gaussian-0.2", steps=600_000)
+    >>> case.settings.learning_rate
+    0.1
     """
     require_one_of("settings", label, ("default", "as-published"))
     settings = named_settings(agent)
+    if isinstance(task.get("plant"), str):
+        task["plant"] = default_plant(task["plant"])
     if is_custom(agent):
         fingerprint(
             agent, task.get("plant", EQUATIONS).name
