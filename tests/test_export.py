@@ -277,7 +277,9 @@ def test_onnx_that_is_not_installed_is_told_in_one_line(monkeypatch, tmp_path, c
     path = saved("random-search", tmp_path)
     monkeypatch.setitem(sys.modules, "onnx", None)
     assert run(["export", str(path), str(tmp_path / "policy.onnx")]) == BAD_USE
-    assert capsys.readouterr().err.endswith("pip install 'upright[onnx]'\n")
+    assert capsys.readouterr().err.endswith(
+        "pip install 'onnx>=1.16' (the extra 'onnx' of upright)\n"
+    )
     assert not (tmp_path / "policy.onnx").exists()
 
 

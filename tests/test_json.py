@@ -28,7 +28,7 @@ from upright.policies.npz_file import save_policy
 from upright.policies.policy import Policy, describe
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE
 
@@ -121,7 +121,9 @@ def test_answers_are_those_of_the_agent(saved):
 
 def test_trials_are_those_of_the_agent(saved):
     first, second = load_policy(saved.npz), load_policy(saved.json)
-    trials = [list(play(each, case_for(each, **HARD), 8, seed=3)) for each in (first, second)]
+    trials = [
+        list(play_trials(each, case_for(each, **HARD), 8, seed=3)) for each in (first, second)
+    ]
     assert trials[0] == trials[1]
     assert len({trial.steps for trial in trials[0]}) > 1
 

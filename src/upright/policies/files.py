@@ -35,6 +35,14 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     ------
     UprightError
         If the file is missing, damaged, not a policy, or another agent's.
+
+    Examples
+    --------
+    >>> learned, _ = upright.learn("q-learning", steps=300)
+    >>> upright.save_policy("policy.npz", learned)
+    >>> policy = upright.load_policy("policy.npz")
+    >>> policy.task["noise"], policy.task["steps"]
+    ('none', 300)
     """
     if is_json(path):
         return load_json(path, agent)
@@ -44,7 +52,8 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
         settings = AGENTS.restore(header["agent"], header["settings"])
         memory = settings.agent(np.random.default_rng(0))
         fill(memory, archive, finite=not is_custom(header["agent"]))
-        policy = Policy(header["agent"], memory, **read_task(header["task"]))
+        trained = read_task(header["task"])
+        policy = Policy(header["agent"], memory, **trained, settings=settings)
         check_contract(policy, header, {"version"})
     return policy
 
@@ -73,13 +82,28 @@ def is_policy(path: Path | str) -> bool:
 
 
 def export_policy(path: Path | str, policy: Policy) -> None:
-    """Write a policy to a file; its ending says the language.
+    """Write a policy to a file in a form that other languages read; its ending says which.
+
+    Parameters
+    ----------
+    path
+        Where to: ``.h`` is a header in C99, ``.onnx`` is ONNX, ``.json`` is JSON.
+    policy
+        What is written.
 
     Raises
     ------
     UprightError
         As `check_export`; if the policy's agent does not tell its form; or if ONNX is asked for and
         not installed.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("q-learning", steps=300)
+    >>> upright.export_policy("policy.h", policy)
+    >>> upright.export_policy("policy.json", policy)
+    >>> upright.load_policy("policy.json").agent
+    'q-learning'
     """
     write_file(path, WRITERS[check_export(path).suffix](policy))
 

@@ -30,14 +30,35 @@ PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How arrays may be packed: so that no more is unpacked than is asked for."""
 
 
-def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
+def save_policy(path: Path | str, policy: Policy, settings: Settings | None = None) -> None:
     """Write a policy to a file: a NumPy archive of plain arrays and a header in JSON.
+
+    Parameters
+    ----------
+    path
+        Where to. `load_policy` reads it, and so does `numpy.load`.
+    policy
+        What is saved.
+    settings
+        Of its agent, if the policy does not know them.
 
     Raises
     ------
     UprightError
-        If the file cannot be written.
+        If the file cannot be written, or nobody tells the settings.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("q-learning", steps=300)
+    >>> upright.save_policy("policy.npz", policy)
+    >>> upright.load_policy("policy.npz").agent
+    'q-learning'
     """
+    settings = settings or policy.settings
+    if settings is None:
+        raise UprightError(
+            f"policy is one of {policy.agent!r} without its settings; it can be exported as JSON"
+        )
     header = {"format": FORMAT, **policy.contract(), "settings": asdict(settings)}
     written = io.BytesIO()
     np.savez_compressed(
