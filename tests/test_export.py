@@ -21,10 +21,10 @@ from upright.core.parameters import State
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
-from upright.policies.c99 import c_header
-from upright.policies.files import export_policy
-from upright.policies.npz_file import save_policy
-from upright.policies.onnx import IR_VERSION, OPSET, onnx_model
+from upright.policies.c99 import encode as c_header
+from upright.policies.files import export_policy, save_policy
+from upright.policies.onnx import IR_VERSION, OPSET
+from upright.policies.onnx import encode as onnx_model
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -314,7 +314,7 @@ def test_the_example_in_python_runs(tmp_path, monkeypatch):
 def saved(agent, folder):
     case = make_case(agent, steps=20, trials=2)
     path = folder / "policy.npz"
-    save_policy(path, learned_policy(case, 0, 0, make_run(case, 0, 0)[0]), case.settings)
+    save_policy(path, learned_policy(case, 0, 0, make_run(case, 0, 0)[0]))
     return path
 
 

@@ -18,13 +18,12 @@ from upright.agents.q_learning import QLearning
 from upright.commands.cli import run
 from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.policies.c99 import c_header
+from upright.policies.c99 import encode as c_header
 from upright.policies.checks import LONGEST_ERROR
-from upright.policies.files import export_policy, load_policy, read_header
+from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.form_json import MOST_LAYERS, MOST_WEIGHTS, UNITS, form_entries, restore_form
 from upright.policies.form_player import make_memory
 from upright.policies.json_file import JSON_FORMAT, JSON_LIMIT, JSON_MARKS
-from upright.policies.npz_file import save_policy
 from upright.policies.policy import Policy, describe
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -74,7 +73,7 @@ def saved(request, tmp_path_factory):
     steps = 20 if request.param == "adaptive-lqr" else 2000
     case = make_case(request.param, trials=5, steps=steps, start="zero")
     policy = learned_policy(case, 0, 0, make_run(case, 0, 0)[0])
-    save_policy(folder / "policy.npz", policy, case.settings)
+    save_policy(folder / "policy.npz", policy)
     found = Saved(policy, str(folder / "policy.npz"), str(folder / "policy.json"))
     assert run(["export", found.npz, found.json]) == 0
     return found
