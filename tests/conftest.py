@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pytest
 from hypothesis import settings
-from octave import IS_THERE
+from octave import IS_THERE, SESSION
 
 from upright.errors import UprightError
 from upright.gazebo.installation import find_gazebo
@@ -63,6 +63,12 @@ def _close_stores(monkeypatch):
     yield
     for store in opened:
         store.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _close_octave():
+    yield
+    SESSION.close()
 
 
 def pytest_collection_modifyitems(items):
