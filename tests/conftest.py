@@ -50,19 +50,26 @@ settings.load_profile("upright")
 
 
 @pytest.fixture(autouse=True)
-def _close_stores(monkeypatch):
-    """Close every store that a test leaves open: an open database at exit is a warning."""
-    opened = []
-    make = Store.__init__
+def _no_store_is_left_open(monkeypatch):
+    """Fail where a test, or what it tests, does not close a store."""
+    left = []
+    make, close = Store.__init__, Store.close
 
-    def make_and_remember(self, *arguments, **options):
+    def make_and_note(self, *arguments, **options):
         make(self, *arguments, **options)
-        opened.append(self)
+        left.append(self)
 
-    monkeypatch.setattr(Store, "__init__", make_and_remember)
+    def close_and_note(self):
+        close(self)
+        left[:] = [store for store in left if store is not self]
+
+    monkeypatch.setattr(Store, "__init__", make_and_note)
+    monkeypatch.setattr(Store, "close", close_and_note)
     yield
-    for store in opened:
+    paths = [store.path for store in left]
+    for store in left.copy():
         store.close()
+    assert not paths, "these stores were left open"
 
 
 @pytest.fixture(scope="session", autouse=True)

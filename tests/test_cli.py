@@ -234,14 +234,14 @@ def test_agents_tells_settings_and_their_meaning(capsys):
     assert "default 0.08, as-published 0.3" in shown
 
 
-def start(folder, *arguments):
+def start(folder, *arguments, **environment):
     return subprocess.Popen(
         [*UPRIGHT, *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"COLUMNS": "80"},
+        env=os.environ | {"COLUMNS": "80"} | environment,
     )
 
 
@@ -298,12 +298,14 @@ def test_a_stopped_study_keeps_its_runs_and_goes_on(how, tmp_path):
 
 def test_a_stopped_study_without_a_store_says_that_nothing_was_kept(tmp_path):
     words = [word for word in LONG if word not in ("--store", "runs.sqlite")]
-    process = start(tmp_path, *words, "--steps", "10000000")
-    time.sleep(3)
+    process = start(tmp_path, *words, "--steps", "10000000", FORCE_COLOR="1")
+    first = process.stderr.read(1)  # of the bar, which is shown as on a screen: it has begun
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert process.returncode == INTERRUPTED
+    assert "nothing was kept" in first + error
     assert "Traceback" not in error
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -138,15 +138,22 @@ def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, star
     assert over == fallen
 
 
-@pytest.mark.parametrize("noise", NOISES)
+def test_without_noise_the_observation_is_the_state():
+    env = make(noise="none", dtype="float64")
+    state = [0.1, -0.2, 0.05, 0.3]
+    observation, info = env.reset(seed=2, options={"state": state})
+    assert info == {}
+    np.testing.assert_array_equal(observation, state)
+    observation, *_, info = env.step(1)
+    assert info == {}
+    np.testing.assert_array_equal(observation, step(Parameters(), State(*state), 10.0))
+
+
+@pytest.mark.parametrize("noise", [name for name in NOISES if name != "none"])
 def test_info_has_the_true_state_under_noise(noise):
     env = make(noise=noise, dtype="float64")
     state = [0.1, -0.2, 0.05, 0.3]
     observation, info = env.reset(seed=2, options={"state": state})
-    if noise == "none":
-        assert info == {}
-        np.testing.assert_array_equal(observation, state)
-        return
     np.testing.assert_array_equal(info["state"], state)
     for action in (1, 0, 1, 1):
         before = State(*info["state"].tolist())

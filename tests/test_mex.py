@@ -53,9 +53,8 @@ def test_the_mex_function_makes_the_same_runs_to_the_last_bit(tmp_path):
         success = compiled_run(agent, equations(task.parameters), task, rng, lengths, stop)
         expected.append([*lengths[lengths > 0], success > 0, *agent.table])
         given = (task.parameters._asdict(), task.noise._asdict(), tuple(task.start))
-        values = ", ".join(
-            map(in_octave, (*given, asdict(settings), number, task.steps, task.trials))
-        )
+        given += (asdict(settings), number, task.steps, task.trials)
+        values = ", ".join(map(in_octave, given))
         script.append(f"[lengths, balanced, table] = q_learning_mex({values});")
         script.append("printf('%.17g ', lengths, balanced, table); printf('\\n');")
     built, *lines = octave("\n".join(script)).splitlines()

@@ -52,7 +52,7 @@ def test_failures_are_reported_and_the_session_goes_on(session, statements, mess
 def test_what_takes_too_long_is_ended(session):
     session.evaluate("disp(1)")
     process = session.process
-    with pytest.raises(AssertionError, match="not done in 0.5 s"):
+    with pytest.raises(AssertionError, match="not done in"):
         session.evaluate("disp('at work'); while true, end", timeout=0.5)
     assert process.poll() is not None
     assert session.evaluate("disp(1)") == "1\n"

@@ -375,20 +375,19 @@ def test_an_error_without_words_is_explained_by_its_kind():
 
 def test_a_changed_source_is_another_case_and_the_store_keeps_them_apart(write):
     name = write(PLAIN)
-    store, thread = Store(), ThreadPoolExecutor(1)
     seen = []
-    for text in (PLAIN, PLAIN.replace("9.0 * theta", "0.0 * theta"), PLAIN):
-        write(text, name)
-        forget(name)
-        case = make_case(f"{name}:Climber", steps=300, trials=5)
-        study([case], 2, 3, store, executor=thread)
-        seen.append((case.key, kept(store, case)))
-        assert kept(store, case) == lengths(case, runs=2)
+    with Store() as store, ThreadPoolExecutor(1) as thread:
+        for text in (PLAIN, PLAIN.replace("9.0 * theta", "0.0 * theta"), PLAIN):
+            write(text, name)
+            forget(name)
+            case = make_case(f"{name}:Climber", steps=300, trials=5)
+            study([case], 2, 3, store, executor=thread)
+            seen.append((case.key, kept(store, case)))
+            assert kept(store, case) == lengths(case, runs=2)
+        assert len(store.cases()) == 2
     assert seen[0] == seen[2]
     assert seen[0][0] != seen[1][0]
     assert seen[0][1] != seen[1][1]
-    assert len(store.cases()) == 2
-    thread.shutdown()
 
 
 def test_a_source_that_changes_under_a_process_never_mixes(write):

@@ -249,6 +249,7 @@ def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
     release.start()
     try:
         Store(path).close()
+        assert not other.in_transaction, "it did not wait"
     finally:
         release.join()
         other.close()
