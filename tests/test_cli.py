@@ -1,11 +1,14 @@
 import json
 import os
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -204,14 +207,46 @@ def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
         assert sign in capsys.readouterr().out
 
 
-def test_help_of_every_command_teaches_by_example(capsys):
-    for command in ("", "learn", "play", "table", "reproduce", "show", "plot", "export", "agents"):
-        with pytest.raises(SystemExit) as ended:
-            run([*command.split(), "--help"])
-        assert ended.value.code == 0
-        shown = capsys.readouterr().out
-        assert "examples:" in shown
-        assert f"upright {command}" in shown
+def entries(shown: str) -> list[str]:
+    """Return the arguments, commands and options that a help lists, a line each."""
+    listed = re.findall(r"^(?:positional arguments|options):\n(.*?)\n\n", shown, re.M | re.S)
+    return re.sub(r"\n {5,}", "  ", "\n".join(listed)).splitlines()
+
+
+def commands_in(shown: str) -> list[str]:
+    return [entry.split()[0] for entry in entries(shown) if re.match(r" {4}\w", entry)]
+
+
+@pytest.fixture(scope="module")
+def helps() -> dict[str, str]:
+    """What ``--help`` of every command prints, those of their own commands included."""
+    found, waiting = {}, [""]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "1000")  # no text is broken into lines
+        while waiting:
+            command = waiting.pop()
+            with redirect_stdout(StringIO()) as out, pytest.raises(SystemExit) as ended:
+                run([*command.split(), "--help"])
+            assert ended.value.code == 0
+            found[command] = out.getvalue()
+            waiting += [f"{command} {name}".strip() for name in commands_in(found[command])]
+    return found
+
+
+def test_commands_are_found_in_the_help(helps):
+    """Else the tests of every help below would say nothing."""
+    assert {"", "learn", "leaderboard", "tune", "matlab", "matlab table", "gazebo view"} <= {*helps}
+
+
+def test_help_of_every_command_has_examples(helps):
+    for command, shown in helps.items():
+        assert re.search(rf"^examples:\n(  .*\n)*  upright {command}\b", shown, re.M), command
+
+
+def test_every_argument_and_option_has_a_help_text(helps):
+    for command, shown in helps.items():
+        for entry in entries(shown):
+            assert re.match(r" +\S.*?  +\w", entry) or entry == "  COMMAND", (command, entry)
 
 
 def test_help_needs_no_heavy_library():

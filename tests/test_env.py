@@ -16,7 +16,7 @@ from upright.env import CartPoleEnv, CartPoleVectorEnv, StreamOfLane
 from upright.errors import UprightError
 from upright.lanes import PART
 from upright.noise import NOISES, Noise
-from upright.task import make_task
+from upright.task import STARTS, make_task
 from upright.trials import trial
 
 NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
@@ -107,7 +107,7 @@ def test_it_passes_gymnasiums_check(variant):
 
 
 @pytest.mark.parametrize("noise", NOISES)
-@pytest.mark.parametrize("start", ["random", "zero", "wide"])
+@pytest.mark.parametrize("start", STARTS)
 def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, start):
     """An agent in the loop sees and lasts what it sees and lasts in the environment."""
 

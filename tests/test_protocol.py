@@ -6,7 +6,7 @@ from helpers import HARD_START, python
 
 import upright  # noqa: F401 - makes the environments known
 from upright import trials
-from upright.agents import named_settings
+from upright.agents import AGENTS, named_settings
 from upright.agents.outside import Outside
 from upright.cartpole import State, equations
 from upright.env import CartPoleEnv
@@ -220,7 +220,7 @@ class Driver:
 
 
 @pytest.mark.parametrize("noise", ["none", "actuator-10", "gaussian-0.2", "all-10"])
-@pytest.mark.parametrize("name", ["random-search", "reinforce", "q-learning", "adaptive-lqr"])
+@pytest.mark.parametrize("name", AGENTS)
 def test_an_agent_has_the_same_trials_through_gymnasium_as_in_the_loop(name, noise):
     """The same random numbers, drawn in the same order, give the same trials."""
     task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)

@@ -321,8 +321,9 @@ def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
 # ------------------------------------------------------------------------------ saying it
 
 
-@pytest.mark.parametrize("label", ["default", "as-published"])
-@pytest.mark.parametrize("agent", ["q-learning", "ase-ace", "reinforce"])
+@pytest.mark.parametrize(
+    ("agent", "label"), [(agent, label) for agent in AGENTS for label in named_settings(agent)]
+)
 def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
     start = named_settings(agent)[label]
     rng = np.random.default_rng(5)
