@@ -308,6 +308,7 @@ def without_times(rows):
     return [{name: row[name] for name in row if name != "seconds"} for row in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_a_stopped_study_keeps_its_runs_and_goes_on(how, tmp_path):
     whole = start(tmp_path, *[word.replace("runs.sqlite", "whole.sqlite") for word in LONG])
@@ -363,6 +364,7 @@ def test_stopped_play_tells_what_was_played(weights, options, played, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["policy.npz"]
 
 
+@pytest.mark.slow
 def test_two_processes_share_one_store(tmp_path):
     processes = [start(tmp_path, *LONG) for _ in range(2)]
     shown = [process.communicate(timeout=300)[0] for process in processes]

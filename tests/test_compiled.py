@@ -75,6 +75,7 @@ print(step(Parameters(), State(0.0, 0.1, 0.2, 0.3), 10.0))
 """
 
 
+@pytest.mark.slow
 def test_a_changed_file_is_compiled_anew(copied, tmp_path):
     """Even into the kernels of other files, which Numba alone would not notice."""
     cache = str(tmp_path / "cache")
@@ -86,6 +87,7 @@ def test_a_changed_file_is_compiled_anew(copied, tmp_path):
     assert after == in_copy(copied, RUN, NUMBA_CACHE_DIR=str(tmp_path / "fresh"))
 
 
+@pytest.mark.slow
 def test_functions_can_be_called_from_python_after_compiled_code_called_them(tmp_path):
     """The two ways to compile a function do not take each other's machine code from the disk."""
     cache = str(tmp_path)

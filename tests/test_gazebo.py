@@ -23,7 +23,7 @@ from upright.plants.gazebo import Gazebo
 from upright.study import make_case, make_run
 from upright.task import make_task
 
-pytestmark = pytest.mark.gazebo
+pytestmark = [pytest.mark.gazebo, pytest.mark.slow]
 STATE = State(0.1, -0.2, 0.03, 0.4)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
 """A hundred times the friction, as in the condition friction-100."""
@@ -40,7 +40,7 @@ def _none_is_left(monkeypatch, tmp_path_factory):
         monkeypatch.setenv("TMPDIR", folder)
         monkeypatch.setattr(tempfile, "tempdir", folder)
         yield
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while (left := running(f"gzserver.*{folder}")) and time.monotonic() < until:
             time.sleep(0.1)
         assert not left
@@ -197,8 +197,8 @@ def test_a_server_that_ends_as_it_starts_tells_why(make, monkeypatch):
     gazebo = server.find_gazebo()
     nowhere = gazebo.environment | {"GAZEBO_PLUGIN_PATH": ""}
     monkeypatch.setattr(server, "find_gazebo", lambda: gazebo._replace(environment=nowhere))
-    monkeypatch.setattr(server, "STARTING", 5.0)
-    with pytest.raises(UprightError, match=r"gzserver did not start within 5 s: .*stepper"):
+    monkeypatch.setattr(server, "STARTING", 15.0)  # enough for its complaint, on a busy machine
+    with pytest.raises(UprightError, match=r"gzserver did not start within 15 s: .*stepper"):
         make()
 
 

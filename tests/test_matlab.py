@@ -133,7 +133,13 @@ def test_a_run_draws_what_numpys_twister_gives():
 
 
 @octave_is_used
-@pytest.mark.parametrize("agent", MATLAB_AGENTS)
+@pytest.mark.parametrize(
+    "agent",
+    [
+        pytest.param(name, marks=() if name == "random-search" else pytest.mark.slow)
+        for name in MATLAB_AGENTS
+    ],
+)
 @pytest.mark.parametrize("noise", NOISES)
 def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
     case = make_case(agent, noise=noise, steps=1000, trials=60)
@@ -146,6 +152,7 @@ def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
     assert max(map(len, curves)) > 3
 
 
+@pytest.mark.slow
 @octave_is_used
 @pytest.mark.parametrize("start", ["zero", "wide"])
 def test_as_published_learns_alike_from_other_starts(start):
@@ -159,6 +166,7 @@ def test_as_published_learns_alike_from_other_starts(start):
     assert curves == [lengths(case, 0, run) for run in range(2)]
 
 
+@pytest.mark.slow
 @octave_is_used
 def test_the_readable_learner_makes_the_whole_run_of_the_package():
     found = octave_numbers("r = upright.q_learning('seed', 2, 'run', 3);", "r.lengths")
@@ -167,6 +175,7 @@ def test_the_readable_learner_makes_the_whole_run_of_the_package():
     assert found[-1] == 60_000
 
 
+@pytest.mark.slow
 @octave_is_used
 def test_the_twins_own_tests_pass_in_octave():
     """In a process of its own, as the help of run_tests has it started from a shell."""
@@ -241,6 +250,7 @@ def test_what_was_learned_in_python_answers_alike_in_octave(agent, tmp_path):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @octave_is_used
 @pytest.mark.parametrize("agent", ["q-learning", "reinforce"])
 def test_a_policy_learned_in_one_language_balances_in_the_other(agent, tmp_path):
@@ -304,8 +314,8 @@ def test_only_runs_that_are_missing_are_made(tmp_path):
     assert "random-search (MATLAB)" in render([row], "markdown")
 
 
-def wait_for(condition, seconds=120):
-    until = time.monotonic() + seconds
+def wait_for(condition):
+    until = time.monotonic() + 120
     while not condition():
         assert time.monotonic() < until, "waited in vain"
         time.sleep(0.1)
@@ -337,19 +347,21 @@ def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
 has_processes = pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="no /proc here")
 
 
+@pytest.mark.slow
 @octave_is_used
 @has_processes
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     store = tmp_path / "runs.sqlite"
     with table_of_guesses(store, 4077) as process:
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 130
+        assert process.wait(timeout=120) == 130
         said = process.stderr.read()
     assert f"finished runs are kept in {store}" in said
     assert 0 < sum(len(results) for _, _, results in stored(store)) < 700
-    wait_for(lambda: not processes_with(", 4077, ["), seconds=10)
+    wait_for(lambda: not processes_with(", 4077, ["))
 
 
+@pytest.mark.slow
 @octave_is_used
 @has_processes
 def test_a_killed_study_leaves_no_process_for_long(tmp_path):
@@ -427,6 +439,7 @@ def test_learn_draws_the_twins_numbers(capsys):
     assert "seed of MATLAB's random numbers is 5000" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @octave_is_used
 @pytest.mark.skipif(not HAS_COMPILER, reason="octave-dev or gcc is not installed")
 def test_compiled_runs_are_those_of_the_m_code(tmp_path):

@@ -615,19 +615,18 @@ def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_
         start_new_session=True,  # a group of its own, to see who is left of it
     )
     try:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 120
         while len(list(tmp_path.glob("*.pid"))) < 2:  # the main process, and one that works
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < until
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        began = time.monotonic()
-        _, error = process.communicate(timeout=30)
-        assert time.monotonic() - began < 10
+        _, error = process.communicate(timeout=60)  # the runs would go on for hours
         assert process.returncode == INTERRUPTED
         assert "nothing was kept" in error
         assert "Traceback" not in error
-        while time.monotonic() - began < 10 and is_alive(process.pid):
+        until = time.monotonic() + 60
+        while time.monotonic() < until and is_alive(process.pid):
             time.sleep(0.05)
         assert not is_alive(process.pid)
     finally:

@@ -23,6 +23,7 @@ from upright.study import make_case, make_run
 from upright.task import make_task
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.skipif(
         not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
         reason="ROS 2 (rclpy) is not installed: no node is tested",
@@ -73,8 +74,8 @@ def start():
 
 
 def is_gone(group):
-    """Whether a group of processes has ended; end it if it has not within a few seconds."""
-    for _ in range(50):
+    """Whether a group of processes has ended; end it if it has not within half a minute."""
+    for _ in range(300):
         try:
             os.killpg(group, 0)
         except ProcessLookupError:
@@ -125,10 +126,10 @@ class Hand:
         self.executor = make_executor(node.context)
         self.executor.add_node(node)
         self.until(lambda: self.words and self.effort.get_subscription_count())
-        assert self.reset_service.wait_for_service(10)
+        assert self.reset_service.wait_for_service(LIMIT)
 
-    def until(self, ready, seconds=10.0):
-        end = time.monotonic() + seconds
+    def until(self, ready):
+        end = time.monotonic() + LIMIT
         while not ready() and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
         assert ready()
@@ -226,6 +227,7 @@ def test_ros_arguments_reach_the_nodes(simulate, start):
     assert len(lengths(out)) == 3
 
 
+@pytest.mark.timing
 def test_a_policy_balances_by_the_wall_clock(simulate, start, tmp_path):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "adaptive-lqr", "--quiet", "--save", path]) == 0
@@ -239,8 +241,9 @@ def test_a_policy_balances_by_the_wall_clock(simulate, start, tmp_path):
     status, _, told = finish(simulator)
     assert status == 0
     periods, missed = re.search(r"(\d+) periods, (\d+) missed; jitter: p50 \d", told).groups()
-    assert 245 <= int(periods) <= 260
-    assert int(missed) <= 25
+    # A step is a period, or several where commands came too late.
+    assert abs(int(periods) - int(missed) - 250) <= 5
+    assert int(missed) <= 100
 
 
 def test_the_demonstration_shows_trials(start):
@@ -344,6 +347,7 @@ def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
     hand.reset()  # the simulator lives
 
 
+@pytest.mark.timing
 def test_a_killed_learner_leaves_a_cart_at_rest(simulate, start, hand_of_simulator, tmp_path):
     """By the wall clock, as a real cart: without commands the force is 0."""
     path = str(tmp_path / "policy.npz")

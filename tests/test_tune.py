@@ -237,6 +237,7 @@ def test_another_seed_gives_another_search(whole, tmp_path):
     assert rows[1][1] != tried(whole[1])[1][1]
 
 
+@pytest.mark.slow
 def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
     """The same candidates, drawn at random or from those before, and the same end."""
     heard = []
@@ -258,24 +259,26 @@ def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
     assert tried(tmp_path / "tune") == tried(whole[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("statement", [40, 75, 90, 105, 120, 135, 150])
 def test_an_interrupt_amid_the_store_locks_nobody_out(whole, tmp_path, statement):
     from sqlalchemy import Engine, event
 
-    numbers = count()
+    numbers, interrupted = count(), []
 
     def interrupt(*_):
         if next(numbers) == statement:
+            interrupted.append(time.monotonic())
             signal.raise_signal(signal.SIGINT)
 
     event.listen(Engine, "after_cursor_execute", interrupt)
-    began = time.monotonic()
     try:
         with pytest.raises(KeyboardInterrupt):
             search(wanted(), 14, tmp_path / "tune")
     finally:
         event.remove(Engine, "after_cursor_execute", interrupt)
-    assert time.monotonic() - began < 30  # one who is locked out waits for longer
+    (began,) = interrupted
+    assert time.monotonic() - began < 50  # a connection that is locked out waits for 60 s
     assert search(wanted(), 14, tmp_path / "tune") == whole[0]
 
 
@@ -414,7 +417,7 @@ def test_without_optuna_one_line_says_how_to_get_it():
 
 
 def candidates_kept(path) -> Iterator[int]:
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     while time.monotonic() < until:
         try:
             yield len(tried(path))
@@ -423,6 +426,7 @@ def candidates_kept(path) -> Iterator[int]:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_an_interrupt_says_how_to_go_on(tmp_path):
     program = "from upright.cli import main; main()"
     command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
