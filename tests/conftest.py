@@ -15,11 +15,11 @@ from upright.store import Store
 
 
 class Program(NamedTuple):
-    """A program that some tests need, those with the marker of its name."""
+    """A program that the tests with a marker of its name need."""
 
     title: str
     demand: str
-    """Environment variable by which its tests are demanded."""
+    """The environment variable that makes its absence a failure."""
     installer: str
     is_there: Callable[[], bool]
 
@@ -41,7 +41,7 @@ PROGRAMS = {
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
 }
 
-# Tests that were begun in the background would ignore it, and so would all that they start.
+# A shell starts background jobs with SIGINT ignored, and their children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, and no deadline: the first call of a kernel compiles it.
@@ -79,7 +79,7 @@ def _close_octave():
 
 
 def pytest_collection_modifyitems(items):
-    """Skip what needs a program that is missing, unless its tests are demanded."""
+    """Skip tests that need a missing program, unless they are demanded."""
     missing = [name for name, program in PROGRAMS.items() if not program.is_wanted()]
     for item in items:
         for name in missing:
@@ -88,7 +88,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Say loudly what was not tested."""
+    """Report prominently what was not tested."""
     reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
     for program in PROGRAMS.values():
         missing = f"{program.title} is missing"

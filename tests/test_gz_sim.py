@@ -36,6 +36,6 @@ def test_its_world_has_its_own_physics(tmp_path):
         ("--plant-set physics_step=0", "physics_step is 0"),
     ],
 )
-def test_what_is_not_possible_is_told(line, message, capsys):
+def test_impossible_requests_are_refused(line, message, capsys):
     assert run(f"learn random-search --plant gz-sim {line}".split()) == BAD_USE
     assert message in capsys.readouterr().err

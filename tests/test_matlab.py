@@ -146,7 +146,7 @@ def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
     options = f"'noise', '{noise}', 'steps', 1000, 'trials', 60, 'runs', 4, 'seed', 6"
     curves = octave_curves(agent, options)
     expected = [lengths(case, 6, run) for run in range(4)]
-    if agent == "reinforce":  # it adds many numbers, in an order that libraries choose
+    if agent == "reinforce":  # its sums are made in an order that libraries choose
         curves, expected = ([curve[:5] for curve in some] for some in (curves, expected))
     assert curves == expected
     assert max(map(len, curves)) > 3
@@ -155,7 +155,7 @@ def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
 @pytest.mark.slow
 @octave_is_used
 @pytest.mark.parametrize("start", ["zero", "wide"])
-def test_as_published_learns_alike_from_other_starts(start):
+def test_as_published_settings_learn_identically_from_other_starts(start):
     curves = octave_curves(
         "q-learning",
         "'settings', upright.settings('q-learning', 'as-published'), 'steps', 400, 'trials', 40,"
@@ -178,7 +178,7 @@ def test_the_readable_learner_makes_the_whole_run_of_the_package():
 @pytest.mark.slow
 @octave_is_used
 def test_the_twins_own_tests_pass_in_octave():
-    """In a process of its own, as the help of run_tests has it started from a shell."""
+    """In a process of its own, started as the help of run_tests says."""
     ended = subprocess.run(
         [*COMMAND, "--eval", f"addpath('{MATLAB}'); exit(run_tests() > 0)"],
         capture_output=True,
@@ -195,7 +195,7 @@ def test_the_twins_own_tests_pass_in_octave():
 
 
 @octave_is_used
-def test_intervals_agree_with_the_packages():
+def test_intervals_agree_with_those_of_the_package():
     trials = np.array([5, 9, 12, 30, 7, 8, 8, 15, 21, 6, 11, 10, 9, 44, 12, 13])
     found = octave_numbers(
         "",
@@ -228,7 +228,7 @@ def test_help_explains_every_function_with_an_example():
 
 @octave_is_used
 @pytest.mark.parametrize("agent", AGENTS)
-def test_what_was_learned_in_python_answers_alike_in_octave(agent, tmp_path):
+def test_policies_learned_in_python_give_the_same_answers_in_octave(agent, tmp_path):
     case = make_case(agent, steps=2000)
     memory, result = make_run(case, 0, 0)
     assert result.success
@@ -280,7 +280,7 @@ def test_a_policy_learned_in_one_language_balances_in_the_other(agent, tmp_path)
 
 
 @octave_is_used
-def test_rows_of_the_twin_stand_beside_those_of_the_package(tmp_path, capsys):
+def test_rows_of_the_twin_appear_beside_those_of_the_package(tmp_path, capsys):
     store = tmp_path / "runs.sqlite"
     same = ["--agents", "q-learning", "--noises", "none,sensor-5", "--runs", "3"]
     same += ["--steps", "500", "--store", str(store)]
@@ -333,9 +333,9 @@ def processes_with(text: str) -> list[int]:
 
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
-    """Begin a study in a process of its own, and return that once a run has ended."""
+    """Start a study in a process of its own; return the process once a run has finished."""
     command = [sys.executable, "-c", "from upright.cli import main; main()", "matlab", "table"]
-    # More cases than cores, so that it is far from its end when the first run has ended.
+    # More cases than cores: most of the study is left when the first run has finished.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]
     command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -396,7 +396,7 @@ def test_without_octave_one_line_says_how_to_get_it(monkeypatch, capsys, tmp_pat
 
 
 @pytest.mark.skipif(os.name == "nt", reason="it needs a shell")
-def test_a_program_that_fails_is_named_with_its_words(monkeypatch, capsys, tmp_path):
+def test_a_failing_program_is_named_with_its_message(monkeypatch, capsys, tmp_path):
     fake_program(tmp_path, monkeypatch, "echo 'some words'; echo 'error: out of memory'; exit 3")
     line = refusal(capsys)
     assert "some-octave ended with status 3" in line
@@ -415,7 +415,7 @@ def test_what_the_twin_cannot_do_is_refused(capsys):
         make_case("q-learning", language="Fortran")
 
 
-def test_settings_without_a_name_are_refused():
+def test_modified_settings_are_refused():
     from dataclasses import replace
 
     case = make_case("q-learning", language="MATLAB")
@@ -424,12 +424,12 @@ def test_settings_without_a_name_are_refused():
         study([changed], 1, 0, store)
 
 
-def test_the_folder_is_the_twins(capsys):
+def test_the_path_command_prints_the_folder_of_the_twin(capsys):
     assert run(["matlab", "path"]) == 0
     assert (Path(capsys.readouterr().out.strip()) / "+upright" / "step.m").is_file()
 
 
-def test_learn_draws_the_twins_numbers(capsys):
+def test_learn_can_draw_the_numbers_of_the_twin(capsys):
     arguments = ["learn", "q-learning", "--steps", "300", "--seed", "4", "--run", "2"]
     assert run([*arguments, "--twister"]) == 0
     printed = capsys.readouterr().out

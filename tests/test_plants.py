@@ -14,7 +14,7 @@ from upright.study import stored as stored_cases
 from upright.task import make_task
 
 ELSEWHERE = {"ros2", "gz-sim"}
-"""They have tests of their own: one needs a cart that runs, one a Gazebo that is in no index."""
+"""Plants that need a running cart or modern Gazebo: they have tests of their own."""
 HERE = [
     pytest.param(name, marks=pytest.mark.gazebo if name == "gazebo" else ())
     for name in PLANTS
@@ -90,12 +90,12 @@ class Uncompiled:
         ("--plant mujoco --integrator rk4", "integrator of other plants is 'rk4'"),
     ],
 )
-def test_wrong_plants_are_refused(line, message, capsys):
+def test_invalid_plants_are_refused(line, message, capsys):
     assert run(["learn", "random-search", *line.split()]) == BAD_USE
     assert message in capsys.readouterr().err
 
 
-def test_plants_tell_their_settings(capsys):
+def test_the_plants_command_explains_settings(capsys):
     assert run(["plants"]) == 0
     assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [*PLANTS]
     assert run(["plants", "mujoco"]) == 0

@@ -108,7 +108,7 @@ def test_a_trial_that_the_environment_truncates_counts_and_failed():
     assert env.succeeded, "truncation at N is a success"
 
 
-def test_a_run_that_is_over_makes_no_step():
+def test_no_step_is_made_after_the_end_of_a_run():
     env = TrialProtocol(ScriptedEnv(0), steps=1)
     env.reset()
     env.step(0)
@@ -239,7 +239,7 @@ def test_an_agent_has_the_same_trials_through_gymnasium_as_in_the_loop(name, noi
     assert counted.succeeded == (success > 0)
 
 
-def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
+def test_a_run_of_a_learner_is_reported_like_one_of_the_loop():
     """Its environment has the task's noise and plant, and draws the run's own numbers."""
 
     class Looker:
@@ -258,7 +258,7 @@ def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
     assert learner.env.unwrapped.np_random is rng
 
 
-def test_only_who_needs_gymnasium_imports_it():
+def test_gymnasium_is_imported_only_where_it_is_needed():
     ended = python(
         "import sys, upright.cli, upright.study, upright.agents.outside\n"
         "print({'gymnasium', 'upright.env', 'upright.protocol'} & set(sys.modules))"

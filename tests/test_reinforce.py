@@ -343,7 +343,7 @@ def test_a_whole_number_written_as_a_float_is_refused(name):
         Reinforce(**{name: 2.0})
 
 
-def test_published_settings_are_the_report_s():
+def test_published_settings_are_those_of_the_report():
     published = SETTINGS["as-published"]
     assert (published.learning_rate, published.discount) == (0.1, 0.97)
     assert SETTINGS["default"] == Reinforce()

@@ -33,14 +33,14 @@ pytestmark = [
 COMMAND = [sys.executable, "-c", "from upright.cli import main; main()"]
 EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
 LIMIT = 90
-"""No process takes longer [s]."""
+"""Time limit of every process [s]."""
 DOMAINS = itertools.count(os.getpid())
 STATE = State(0.1, -0.2, 0.03, 0.4)
 
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch, tmp_path):
-    """A ROS domain for each test, as whoever is killed is counted in his for a while."""
+    """A ROS domain for each test, as a killed node still counts in its domain for a while."""
     number = 1 + next(DOMAINS) % 100
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -50,7 +50,7 @@ def domain(monkeypatch, tmp_path):
 
 @pytest.fixture
 def start():
-    """Start a command; whatever it started must be gone soon after it."""
+    """Return a function that starts commands; their child processes must end with them."""
     started = []
 
     def start_one(line, command=COMMAND):
@@ -102,7 +102,7 @@ def simulator(simulate):
 
 @pytest.fixture
 def hand(domain):
-    """A node of this process, to command and to listen by hand."""
+    """A node of this process, to send commands and listen by hand."""
     from upright.plants.ros2_cart import new_node
 
     with new_node("hand", {}, []) as node:
@@ -191,7 +191,7 @@ def test_a_cart_is_a_plant(simulator):
 
 
 def test_tables_and_policies_know_the_plant(simulator, tmp_path, capsys):
-    """Here in the test's own process, where capsys leaves ROS 2 its slower executor alone."""
+    """In this process, where capsys makes ROS 2 use its slower executor."""
     line = "learn random-search --plant ros2 --steps 300 --seed 3"
     assert run(line.split()) == 0
     _, alone = make_run(make_case("random-search", steps=300), 3, 0)
@@ -254,7 +254,7 @@ def test_the_demonstration_shows_trials(start):
     assert lengths(out)[-1] == 300
 
 
-def test_a_cart_of_one_s_own_is_balanced(start):
+def test_a_user_written_cart_is_balanced(start):
     """The example knows neither status nor parameters, and stamps with its own clock."""
     start(str(EXAMPLE), [sys.executable])
     line = "ros2 learn adaptive-lqr --steps 150 --trials 20"
@@ -291,7 +291,7 @@ def test_two_carts_are_refused(simulate, start):
         ("demo --plant mujoco --plant-set physics_step=1", "physics_step is 1"),
     ],
 )
-def test_wrong_settings_are_refused(options, message, start):
+def test_invalid_settings_are_refused(options, message, start):
     status, _, told = finish(start(f"ros2 {options}"))
     assert status == BAD_USE
     assert message in told
@@ -313,7 +313,7 @@ def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
     hand.command(*forces)
     hand.until(lambda: hand.words[-1].startswith("Fault: effort is ["))
     assert len(hand.states) == count
-    hand.reset()  # all is well again
+    hand.reset()  # it has recovered
     hand.command(-10.0)
     hand.until(lambda: hand.states[-1].velocity[0] < -0.1)
 
@@ -344,7 +344,7 @@ def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
     simulator.send_signal(signal.SIGCONT)
     assert status == BAD_USE
     assert re.search("no joint_states came for 0.3 s; the cart was stopped|did not answer", told)
-    hand.reset()  # the simulator lives
+    hand.reset()  # the simulator still works
 
 
 @pytest.mark.timing
@@ -368,12 +368,12 @@ def test_a_killed_learner_leaves_a_cart_at_rest(simulate, start, hand_of_simulat
 
 @pytest.fixture
 def hand_of_simulator(domain, request):
-    """A hand that is made once there is a simulator."""
+    """Return a function that makes a hand, for once there is a simulator."""
     return lambda: request.getfixturevalue("hand")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_both_sides_stop_when_told(number, simulator, start):
+def test_both_sides_stop_on_a_signal(number, simulator, start):
     learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
     assert learner.stdout.readline().startswith("trial    1")
     learner.send_signal(number)

@@ -23,7 +23,7 @@ RUNS, SEED = 6, 11
 
 
 def table(store, cases=CASES, runs=RUNS, seed=SEED):
-    """Return all that a study found out, save the time it took."""
+    """Return all results of a study except the time they took."""
     return {
         case.noise: [(r.run, r.success, r.lengths.tolist()) for r in store.results(case.key, seed)]
         for case in cases
@@ -102,7 +102,7 @@ def test_a_finished_study_is_not_repeated():
     assert sorted(heard) == [RUNS, RUNS + 1]
 
 
-def test_every_run_is_told_of_once():
+def test_every_run_is_reported_once():
     heard = []
     with Store() as store:
         study(CASES, RUNS, SEED, store, lambda case, result: heard.append((case.noise, result.run)))
@@ -229,7 +229,7 @@ def test_unknown_settings_are_refused():
         make_case("random-search", "best")
 
 
-def test_a_case_is_made_of_names_alone():
+def test_a_case_can_be_made_from_names_alone():
     case = make_case("q-learning", "as-published", noise="sensor-5", steps=100)
     assert isinstance(case, Case)
     assert (case.agent, case.label, case.noise, case.steps) == (

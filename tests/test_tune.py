@@ -59,7 +59,7 @@ def tried(path):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Return what a search found that was not interrupted, and its store."""
+    """Return the result of an uninterrupted search, and its store."""
     path = tmp_path_factory.mktemp("tune") / "whole"
     return search(wanted(), 14, path), path
 
@@ -96,7 +96,7 @@ def test_a_range_ends_where_the_settings_refuse():
     assert space(Reinforce(decay=0.0))["decay"][2:4] == (0, pytest.approx(0.999999))
 
 
-def test_what_tells_no_range_is_left_alone():
+def test_settings_without_a_range_are_left_alone():
     assert not [name for name in space(QLearning()) if name.endswith("edges")]
     assert "jitter" not in space(QLearning(jitter=0.0))
     assert "passes" not in space(QLearning(passes=0))
@@ -238,8 +238,8 @@ def test_another_seed_gives_another_search(whole, tmp_path):
 
 
 @pytest.mark.slow
-def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
-    """The same candidates, drawn at random or from those before, and the same end."""
+def test_an_interrupted_search_resumes_with_the_same_result(whole, tmp_path):
+    """With the same candidates, whether drawn at random or from earlier ones."""
     heard = []
 
     def interrupt(standing):
@@ -261,7 +261,7 @@ def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("statement", [40, 75, 90, 105, 120, 135, 150])
-def test_an_interrupt_amid_the_store_locks_nobody_out(whole, tmp_path, statement):
+def test_an_interrupt_while_writing_leaves_the_store_unlocked(whole, tmp_path, statement):
     from sqlalchemy import Engine, event
 
     numbers, interrupted = count(), []
@@ -359,7 +359,7 @@ def test_tuples_are_quoted_for_the_shell():
 LINE = "tune random-search --steps 300 --noises none --runs 4 --candidates 8 --validation-runs 9"
 
 
-def test_tune_prints_what_was_found_and_goes_on(tmp_path, monkeypatch, capsys):
+def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for candidates in (8, 10):
         line = [*LINE.split(), "--candidates", str(candidates), "--set", "x_scale=2.0"]
@@ -390,7 +390,9 @@ def test_tune_prints_what_was_found_and_goes_on(tmp_path, monkeypatch, capsys):
         ("--store missing/tune", "folder"),
     ],
 )
-def test_bad_use_is_one_clear_line_and_changes_nothing(more, said, tmp_path, monkeypatch, capsys):
+def test_bad_usage_prints_one_clear_line_and_changes_nothing(
+    more, said, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     assert run([*LINE.split(), *more.split()]) == BAD_USE
     error = capsys.readouterr().err
@@ -399,7 +401,7 @@ def test_bad_use_is_one_clear_line_and_changes_nothing(more, said, tmp_path, mon
     assert not list(tmp_path.iterdir())
 
 
-def test_help_teaches_by_example_and_loads_no_optuna(capsys):
+def test_help_has_examples_and_does_not_import_optuna(capsys):
     with pytest.raises(SystemExit):
         run(["tune", "--help"])
     shown = capsys.readouterr().out
@@ -421,7 +423,7 @@ def candidates_kept(path) -> Iterator[int]:
     while time.monotonic() < until:
         try:
             yield len(tried(path))
-        except sqlite3.OperationalError:  # the tables are still to be made
+        except sqlite3.OperationalError:  # the tables do not exist yet
             yield 0
         time.sleep(0.02)
 
