@@ -358,6 +358,7 @@ def test_bad_usage_prints_one_clear_line(tmp_path, monkeypatch, capsys, no_runs)
         assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_command_writes_where_it_is_told(tmp_path, monkeypatch, capsys):
     """A custom agent appears on the board like any other."""
     monkeypatch.chdir(tmp_path)

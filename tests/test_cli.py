@@ -344,6 +344,7 @@ def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(tmp_pat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("weights", "options", "played"),
     [

@@ -99,6 +99,7 @@ def test_functions_can_be_called_from_python_after_compiled_code_called_them(tmp
         assert alone.stdout in ended.stdout
 
 
+@pytest.mark.slow
 def test_a_temporary_cache_serves_where_the_usual_folders_are_read_only(tmp_path):
     wall = tmp_path / "a file, no folder"
     wall.touch()

@@ -271,6 +271,7 @@ def test_encoding_and_white_space_may_vary(path):
             assert load_policy(path).task == LEARNED_ON
 
 
+@pytest.mark.slow
 def test_the_largest_forms_are_read(path):
     edges = [[*range(99)], [*range(99)], [*range(99)], []]
     assert len(read(path, TABLE | {"edges": edges, "probabilities": [1 / 3] * 10**6}).form[1])
@@ -474,6 +475,7 @@ VALUES = st.recursive(
 PLACES = [(name, place) for name, entries in FORMS.items() for place in places(entries)]
 
 
+@pytest.mark.slow
 def test_whatever_value_stands_anywhere_the_policy_plays_or_is_refused_in_one_line(path):
     played, refusals = 0, []
 
@@ -498,6 +500,7 @@ def test_whatever_value_stands_anywhere_the_policy_plays_or_is_refused_in_one_li
     assert min(played, len(refusals)) > 100
 
 
+@pytest.mark.slow
 def test_whichever_byte_is_damaged_the_policy_plays_or_is_refused(path):
     content = json.dumps(NETWORK).encode()
     played = refused = 0

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -134,13 +135,12 @@ def test_a_run_draws_what_numpys_twister_gives():
 
 @octave_is_used
 @pytest.mark.parametrize(
-    "agent",
+    ("agent", "noise"),
     [
-        pytest.param(name, marks=() if name == "random-search" else pytest.mark.slow)
-        for name in MATLAB_AGENTS
+        pytest.param(*each, marks=() if each == ("random-search", "all-10") else pytest.mark.slow)
+        for each in product(MATLAB_AGENTS, NOISES)
     ],
 )
-@pytest.mark.parametrize("noise", NOISES)
 def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
     case = make_case(agent, noise=noise, steps=1000, trials=60)
     options = f"'noise', '{noise}', 'steps', 1000, 'trials', 60, 'runs', 4, 'seed', 6"

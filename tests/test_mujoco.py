@@ -314,6 +314,7 @@ def test_a_policy_is_learned_on_it():
     assert 5000 in lengths
 
 
+@pytest.mark.slow
 def test_machine_code_is_found_by_the_next_process(tmp_path):
     """And it calls MuJoCo at its address in that process."""
     code = """

@@ -191,6 +191,7 @@ def refused(line, capsys):
 # ------------------------------------------------------------------------------ runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_example_agents_appear_in_tables_beside_built_in_ones(
     example, tmp_path, monkeypatch, capsys
@@ -209,6 +210,7 @@ def test_example_agents_appear_in_tables_beside_built_in_ones(
             assert kept(found, case) == lengths(case, runs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["none", "all-10"])
 def test_a_rule_gives_the_same_results_plain_and_compiled(noise, write, compiled_case):
     plain = make_case(f"{write(PLAIN)}:Climber", steps=300, trials=15, noise=noise)
@@ -220,6 +222,7 @@ def test_a_rule_gives_the_same_results_plain_and_compiled(noise, write, compiled
     assert len({tuple(each) for each in lengths(fast)}) == 4
 
 
+@pytest.mark.slow
 def test_custom_agents_with_the_same_name_are_not_confused(write, compiled_case):
     """Numba, called from Python, identifies a NamedTuple by its name and fields alone."""
     other = make_case(
@@ -245,6 +248,7 @@ def test_built_in_agents_are_not_confused():
     assert len(prints) == len(AGENTS)
 
 
+@pytest.mark.slow
 def test_plain_agents_give_the_same_results_in_processes(write, tmp_path):
     case = make_case(f"{write(PLAIN)}:Climber", steps=300, trials=15)
     for file in tmp_path.glob("*.pid"):
@@ -327,6 +331,7 @@ def test_other_errors_in_a_module_keep_their_traceback(write):
         make_case(f"{write('1 / 0')}:A")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -357,6 +362,7 @@ def test_compilation_errors_are_reported_in_one_line(text, said, write, capsys):
     assert len(error) < 400
 
 
+@pytest.mark.slow
 def test_compilation_errors_name_the_line_and_keep_their_cause(write):
     text = broken("self.steps[1] += 1", "self.steps[1] += before.nothing")
     name = write(text)
@@ -390,6 +396,7 @@ def test_a_changed_source_is_another_case_and_the_store_keeps_them_apart(write):
     assert seen[0][1] != seen[1][1]
 
 
+@pytest.mark.slow
 def test_a_source_changed_after_its_import_makes_no_further_runs(write):
     """The key stays that of the imported code, and worker processes refuse other code."""
     name = write(PLAIN)
@@ -427,6 +434,7 @@ LEARNER = """
 """
 
 
+@pytest.mark.slow
 def test_a_learner_that_only_knows_gymnasium_stands_in_the_table(write, tmp_path, capsys):
     """Its runs are the same as when made one after the other, and are kept and shown."""
     agent = f"{write(LEARNER)}:Guess"
@@ -520,6 +528,7 @@ def test_a_policy_that_cannot_be_saved_is_refused_before_the_run(write, tmp_path
     assert not (tmp_path / "policy.npz").exists()
 
 
+@pytest.mark.slow
 def test_a_policy_whose_agent_is_missing_or_changed_is_refused(compiled_case, write, tmp_path):
     path = tmp_path / "policy.npz"
     name = write(COMPILED)
@@ -572,6 +581,7 @@ def test_tuning_a_custom_agent_is_refused_in_one_line(write, capsys):
 # ------------------------------------------------------------------------------ kernels on disk
 
 
+@pytest.mark.slow
 def test_kernels_of_custom_agents_are_not_kept_on_disk(compiled_case):
     make_run(make_case("random-search", steps=10, trials=1), 0, 0)  # so that its kernel is on disk
     folder = Path(CACHE_FOLDER)
@@ -598,6 +608,7 @@ ENDLESS = PLAIN.replace("2.0 * rng.random() - 1.0", "0.0").replace(
 )
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_path):
     """Even an interrupt that only the main process receives."""
     agent = f"{write(ENDLESS)}:Climber"

@@ -102,6 +102,7 @@ def test_the_plants_command_explains_settings(capsys):
     assert "physics_step: MuJoCo's time step [s]" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_policy_learned_on_the_equations_plays_in_mujoco(tmp_path, capsys):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "adaptive-lqr", "--integrator", "rk4", "--quiet", "--save", path]) == 0

@@ -352,6 +352,7 @@ def test_a_bad_file_is_refused_without_using_much_memory(damage, said, path):
     assert peak < 20_000_000
 
 
+@pytest.mark.slow
 def test_whatever_byte_is_damaged_the_policy_is_the_same_or_refused(content, path):
     expected = load_policy(path).memory.weights.tolist()
     refused = 0

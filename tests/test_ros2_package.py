@@ -223,6 +223,7 @@ def test_a_node_has_the_parameters_of_the_file(start, arguments, plant):
     assert simulator.wait(LIMIT) == 0
 
 
+@pytest.mark.slow
 @needs_ros2
 @pytest.mark.parametrize(
     ("node", "old", "new", "refusal"),

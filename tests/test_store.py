@@ -218,6 +218,7 @@ def write_rows(path, first, last, barrier):
     store.close()
 
 
+@pytest.mark.slow
 def test_several_processes_write_to_one_store(tmp_path):
     """They open a new file at the same moment, and some of their runs are the same."""
     path, context = tmp_path / "results.db", multiprocessing.get_context("spawn")

@@ -46,7 +46,12 @@ def processes():
 
 @pytest.mark.parametrize(
     "executor",
-    [nullcontext, lambda: ThreadPoolExecutor(1), lambda: ThreadPoolExecutor(2), processes],
+    [
+        nullcontext,
+        lambda: ThreadPoolExecutor(1),
+        lambda: ThreadPoolExecutor(2),
+        pytest.param(processes, marks=pytest.mark.slow),
+    ],
     ids=["default", "one thread", "two threads", "two processes"],
 )
 def test_results_do_not_depend_on_the_executor(executor, expected):

@@ -154,6 +154,7 @@ def test_what_cannot_be_searched_is_refused(text, message):
 # ------------------------------------------------------------------------------ what is measured
 
 
+@pytest.mark.slow
 def test_a_candidate_is_worth_its_mean_trials_with_failures_at_their_limit(tmp_path):
     look = wanted(runs=5, trials=2)
     found = search(look, 1, tmp_path / "tune")
@@ -287,6 +288,7 @@ def test_a_finished_search_makes_no_run(whole, monkeypatch):
     assert search(wanted(), 14, whole[1]) == whole[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -359,6 +361,7 @@ def test_tuples_are_quoted_for_the_shell():
 LINE = "tune random-search --steps 300 --noises none --runs 4 --candidates 8 --validation-runs 9"
 
 
+@pytest.mark.slow
 def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for candidates in (8, 10):
