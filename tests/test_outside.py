@@ -23,7 +23,7 @@ from upright.core.compiled import CACHE_FOLDER, explain
 from upright.core.parameters import State
 from upright.environments.trial_protocol import run_learner
 from upright.errors import UprightError
-from upright.plants.equations import equations
+from upright.plants.equations import Equations, equations
 from upright.policies.files import load_policy
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
@@ -211,7 +211,7 @@ def test_a_rule_is_the_same_plain_and_compiled(noise, write, compiled_case):
     fast = make_case(compiled_case.agent, steps=300, trials=15, noise=noise)
     assert choose_loop(plain, make_run(plain, 3, 0)[0], equations()) is trials.run
     agent = make_run(fast, 3, 0)[0]
-    assert choose_loop(fast, agent, equations()) is loops.custom_run(type(agent))
+    assert choose_loop(fast, agent, equations()) is loops.custom_run(type(agent), Equations)
     assert lengths(plain) == lengths(fast)
     assert len({tuple(each) for each in lengths(fast)}) == 4
 

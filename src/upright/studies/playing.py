@@ -25,7 +25,7 @@ from upright.plants import describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
-from upright.studies.random_streams import PLAYING_STREAM
+from upright.studies.random_streams import Stream, sequence
 from upright.studies.run import choose_loop, make_plant, outcome
 
 PAUSE = 25
@@ -138,7 +138,7 @@ def play_run(
 ) -> Result | None:
     """Play on a body that is there already, until a trial balances; None if that was stopped."""
     agent = policy if is_custom(policy.agent) else player(policy)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, PLAYING_STREAM)))
+    rng = np.random.default_rng(sequence(seed, 0, Stream.PLAYING))
     with closing(plant):
         loop = choose_loop(case, agent, plant)
         began = time.perf_counter()
@@ -158,8 +158,7 @@ def prepare(
 ) -> tuple[Plant, Task, np.random.Generator]:
     """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
     plant, task = make_plant(case, seed, episode, stop)
-    numbers = np.random.SeedSequence(seed, spawn_key=(episode, PLAYING_STREAM))
-    return plant, task, np.random.default_rng(numbers)
+    return plant, task, np.random.default_rng(sequence(seed, episode, Stream.PLAYING))
 
 
 class _Recorder:
