@@ -11,10 +11,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from helpers import GOOD_WEIGHTS, make_task, python
 
-from upright.core.cartpole import step
+from upright.core.cartpole import INTEGRATORS, step
 from upright.core.conditions import NOISES, STARTS, Noise
 from upright.core.many import PART
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.parameters import Parameters, State
 from upright.core.trials import trial
 from upright.environments.cartpole_env import CartPoleEnv, StreamOfLane
 from upright.environments.vector_env import CartPoleVectorEnv
@@ -23,12 +23,7 @@ from upright.plants.equations import equations
 
 NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
 MODES = ("NextStep", "SameStep", "Disabled")
-OTHER_PLANT = {
-    "pole_mass": 0.2,
-    "half_length": 1,
-    "angle_limit": 0.08,
-    "integrator": Integrator.RK4,
-}
+OTHER_PLANT = {"pole_mass": 0.2, "half_length": 1, "angle_limit": 0.08}
 
 
 @pytest.fixture(autouse=True)
@@ -89,12 +84,13 @@ def test_an_episode_is_a_trial_unless_asked_otherwise(name):
 
 # -------------------------------------------------------------------------------- environment
 
+ARGUMENTS = ("name", "noise", "start", "reward", "dtype", "parameters", "integrator")
 VARIANTS = [
-    dict(zip(("name", "noise", "start", "reward", "dtype", "parameters"), values, strict=True))
+    dict(zip(ARGUMENTS, values, strict=True))
     for values in (
-        *itertools.product(NAMES, NOISES, ["random"], ["survival"], ["float32"], [None]),
-        (NAMES[0], "none", "zero", "failure", "float64", OTHER_PLANT),
-        (NAMES[1], "all-10", "wide", "failure", "float64", Parameters(force=0.1)),
+        *itertools.product(NAMES, NOISES, ["random"], ["survival"], ["float32"], [None], ["euler"]),
+        (NAMES[0], "none", "zero", "failure", "float64", OTHER_PLANT, "rk4"),
+        (NAMES[1], "all-10", "wide", "failure", "float64", Parameters(force=0.1), "euler"),
     )
 ]
 
@@ -106,6 +102,17 @@ def test_the_gymnasium_checker_passes(variant):
         warnings.filterwarnings("ignore", ".*infinity")  # nothing bounds a velocity
         warnings.filterwarnings("ignore", ".*symmetric and normalized")  # the force is in N
         check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_integrator_moves_the_plant(integrator):
+    env = make(integrator=integrator, dtype="float64").unwrapped
+    state = State(0.1, 0.2, 0.05, 0.4)
+    env.reset(seed=1, options={"state": state})
+    for action in (1, 0, 0):
+        force = 10.0 if action else -10.0
+        state = step(Parameters(), state, force, int(INTEGRATORS[integrator]))
+        np.testing.assert_array_equal(env.step(action)[0], state)
 
 
 @pytest.mark.parametrize("noise", NOISES)
@@ -285,7 +292,8 @@ def test_a_window_opens_with_the_first_episode_and_closes():
         ({"parameters": {"time_step": float("inf")}}, "time_step is inf"),
         ({"parameters": {"mass": 1.0}}, "parameter is 'mass'; it must be one of gravity"),
         ({"parameters": Parameters(cart_mass=-1.0)}, "cart_mass is -1.0"),
-        ({"parameters": {"integrator": 9}}, "integrator is 9"),
+        ({"parameters": {"integrator": 2}}, "parameter is 'integrator'; it must be one of gravity"),
+        ({"integrator": 9}, "integrator is 9; it must be one of euler, semi-implicit, rk4"),
     ],
 )
 def test_impossible_arguments_are_refused(make_one, options, message):
@@ -391,7 +399,15 @@ def assert_steps_alike(ours, theirs):
     ("name", "options"),
     [
         (NAMES[0], {"start": "wide"}),
-        (NAMES[1], {"dtype": "float64", "reward": "failure", "parameters": OTHER_PLANT}),
+        (
+            NAMES[1],
+            {
+                "dtype": "float64",
+                "reward": "failure",
+                "parameters": OTHER_PLANT,
+                "integrator": "rk4",
+            },
+        ),
     ],
 )
 def test_a_vector_environment_equals_as_many_single_ones_step_for_step(mode, noise, name, options):
