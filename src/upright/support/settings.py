@@ -1,6 +1,6 @@
-"""Settings: frozen dataclasses that stand beside what they set, a line of text under each field.
+"""Settings: frozen dataclasses, defined beside the code they configure, with a text for each field.
 
-The command line, stores, documents and ROS 2 read fields, values and texts from there.
+The command line, stores, documentation and ROS 2 read fields, values and texts from them.
 """
 
 import ast
@@ -22,12 +22,12 @@ S = TypeVar("S", bound=Fields)
 
 
 def values_of(settings: Fields) -> dict[str, Any]:
-    """Return the values of settings by name."""
+    """Return the values of settings as a dictionary."""
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
 
 
 def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
-    """Return by name the values of settings that differ from the usual ones."""
+    """Return the values of settings that differ from the usual ones, by name."""
     values = values_of(usual)
     return {name: value for name, value in values_of(settings).items() if value != values[name]}
 
@@ -51,7 +51,7 @@ def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
 
 
 def change_settings(settings: S, changes: Mapping[str, str]) -> S:
-    """Return settings with some values changed, given as text.
+    """Return settings with some of the values changed, which are given as text.
 
     Raises
     ------
@@ -67,12 +67,17 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
 
 
 def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Return names and values of texts like NAME=VALUE.
+    """Yield the name and value of each text of the form NAME=VALUE.
+
+    Parameters
+    ----------
+    option
+        Name of the option that takes these texts, for errors.
 
     Raises
     ------
     UprightError
-        If there is no =; `option` is what gave the texts.
+        If a text has no =.
     """
     for change in changes:
         name, sign, value = change.partition("=")
@@ -82,7 +87,7 @@ def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 
 def _parse(name: str, text: str, present: object) -> object:
-    """Return the value that a text means, of the same kind as the present one."""
+    """Return the value that a text stands for, of the same kind as the present one."""
     if isinstance(present, str):
         return text
     try:
@@ -97,12 +102,12 @@ def _parse(name: str, text: str, present: object) -> object:
 
 
 def _is_like(present: object, value: object) -> bool:
-    """Whether a value is of the present one's kind; a whole number will do for any other."""
+    """Whether a value is of the present one's kind; an int is accepted as a float."""
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
 def describe_settings(settings: Fields | type[Fields]) -> dict[str, str]:
-    """Return the line of text that stands under each field of a settings class."""
+    """Return the text that documents each field of a settings class."""
     kind = settings if isinstance(settings, type) else type(settings)
     (definition,) = ast.parse(inspect.getsource(kind)).body
     assert isinstance(definition, ast.ClassDef)
