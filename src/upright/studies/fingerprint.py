@@ -1,8 +1,9 @@
-"""What makes a run what it is: a digest of all the code that determines it.
+"""Computes a digest of all the code that determines a run.
 
-The files are computed, not listed: all of `core/`, what makes a run here, and the modules of the
-agent and of the plant with everything that they import, data files that they name included. An edit
-of any of them gives runs another key, so a store never mixes results of two versions of a rule.
+The files are found, not listed: all of `core/`, the modules here that make a run, and the modules
+of the agent and the plant with everything that they import, including data files that they name. An
+edit of any of them changes the key of runs, so a store never mixes results of two versions of a
+rule.
 """
 
 import ast
@@ -16,18 +17,18 @@ from upright.plants import PLANTS
 from upright.support.files import PACKAGE, digest
 
 RUNNING = ("studies/run.py", "studies/random_streams.py")
-"""What makes a run, besides core/."""
+"""Modules that make a run, besides core/."""
 GYMNASIUM = "environments/trial_protocol.py"
-"""What moves a learner that only knows Gymnasium."""
+"""Module that runs a learner that only knows Gymnasium."""
 WITHOUT_EFFECT = ("errors.py", "support", "pictures")
-"""Parts of the package that what is imported may use, but that no result depends on."""
+"""Parts of the package that imported modules may use, but that no result depends on."""
 INSTALLED = ("site-packages", "dist-packages")
-"""Names of folders of installed packages, where a neighbour is not a part of an agent."""
+"""Names of folders of installed packages, where neighbouring modules are not part of an agent."""
 
 
 @cache
 def fingerprint(agent: str, plant: str) -> str:
-    """Return a digest of the code that determines what a run of this agent on this plant does.
+    """Return a digest of the code that determines a run of this agent on this plant.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def _file_of(module: str) -> Path:
 
 
 def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
-    """Return all files of the package that runs depend on which use these modules."""
+    """Return all files of the package that determine runs which use these modules."""
     heart = [*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)]
     found = {path for path in import_closure(modules, [package.parent]) if path not in heart}
     without = [package / name for name in WITHOUT_EFFECT]
@@ -56,7 +57,7 @@ def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
 
 
 def _custom_fingerprint(agent: CustomAgent) -> str:
-    """Return a digest of the file of a custom agent, and of its own modules that it imports."""
+    """Return a digest of the file of a custom agent, and of its other modules that it imports."""
     file, name = agent.source(), agent.agent_name.partition(":")[0]
     depth = name.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
@@ -84,7 +85,7 @@ def import_closure(modules: Iterable[Path], roots: Iterable[Path]) -> set[Path]:
 
 
 def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:
-    """Give the files that one module imports or names."""
+    """Yield the files that one module imports or names."""
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield from _data(path.parent, node.value)
@@ -97,7 +98,7 @@ def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:
 
 
 def _imported(node: ast.AST, path: Path) -> Iterator[tuple[Path | None, str]]:
-    """Give the dotted names that a statement may import; a relative one with its folder."""
+    """Yield the dotted names that a statement may import, relative ones with their folder."""
     if isinstance(node, ast.Import):
         yield from ((None, alias.name) for alias in node.names)
     elif isinstance(node, ast.ImportFrom):
@@ -109,7 +110,7 @@ def _imported(node: ast.AST, path: Path) -> Iterator[tuple[Path | None, str]]:
 
 
 def _data(folder: Path, name: str) -> list[Path]:
-    """Return the data files beside a module that a text in it names: a file, or a whole folder."""
+    """Return the data files beside a module that a string in it names: a file or a folder."""
     if not name.replace(".", "").replace("_", "").replace("-", "").isalnum():
         return []
     place = folder / name
