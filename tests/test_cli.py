@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.policies.npz_file import save_policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -22,7 +22,7 @@ UPRIGHT = [
     "-c",
     # What a shell starts in the background ignores Ctrl-C, and so do the processes it starts.
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from upright.commands.cli import main; main()",
+    "from upright.commands import main; main()",
 ]
 QUICK = ["--steps", "300", "--agents", "random-search"]
 
@@ -218,7 +218,7 @@ def test_help_of_every_command_teaches_by_example(capsys):
 def test_help_needs_no_heavy_library():
     heavy = {"numba", "scipy", "matplotlib", "rich", "numpy", "pygame", "imageio_ffmpeg"}
     program = (
-        "import sys; from upright.commands.cli import run\n"
+        "import sys; from upright.commands import run\n"
         "try: run(['--help'])\n"
         f"except SystemExit: print({heavy!r} & set(sys.modules))"
     )

@@ -15,7 +15,7 @@ import pytest
 from upright.agents import AGENTS
 from upright.agents.parts.policy_form import BLOCK, Table
 from upright.agents.q_learning import QLearning
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
 from upright.core.task import make_task
 from upright.core.trials import trial

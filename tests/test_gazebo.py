@@ -14,7 +14,7 @@ import pytest
 from helpers import PUSHES, FinePlant, trajectory
 from matplotlib.image import imread
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.core.task import make_task
 from upright.errors import UprightError
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.gazebo
 STATE = State(0.1, -0.2, 0.03, 0.4)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
 """A hundred times the friction, as in the condition friction-100."""
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
 LIMIT = 120
 """No process takes longer [s]."""
 

@@ -16,7 +16,7 @@ from octave import HAS_COMPILER, MATLAB, octave, octave_numbers
 from octave import matrix as in_octave
 
 from upright.agents import AGENTS, MATLAB_AGENTS, named_settings
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, PUBLISHED_NOISES
 from upright.core.parameters import Parameters, State
@@ -324,7 +324,7 @@ def processes_with(text: str) -> list[int]:
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
     """Begin a study in a process of its own, and return that once a run has ended."""
-    code = "from upright.commands.cli import main; main()"
+    code = "from upright.commands import main; main()"
     command = [sys.executable, "-c", code, "matlab", "table"]
     # More cases than cores, so that it is far from its end when the first run has ended.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from upright.agents import named_settings
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.core.task import make_task
 from upright.errors import UprightError

@@ -262,7 +262,7 @@ def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
 
 def test_only_who_needs_gymnasium_imports_it():
     ended = python(
-        "import sys, upright.commands.cli, upright.studies.study, upright.agents.custom\n"
+        "import sys, upright.commands, upright.studies.study, upright.agents.custom\n"
         "print({'upright.environments.cartpole_env', 'gymnasium'} & set(sys.modules))"
     )
     assert ended.stdout == "set()\n", ended.stderr

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
 from upright.core.task import make_task
 from upright.errors import UprightError
@@ -30,7 +30,7 @@ pytestmark = [
     ),
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
 ]
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
 EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
 LIMIT = 90
 """No process takes longer [s]."""

@@ -1,0 +1,6 @@
+"""Runs the `upright` command: `python -m upright`."""
+
+from upright.commands import main
+
+if __name__ == "__main__":
+    main()
