@@ -28,7 +28,7 @@ pytestmark = pytest.mark.gazebo
 STATE = State(0.1, -0.2, 0.03, 0.4)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
 """A hundred times the friction, as in the condition friction-100."""
-COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
+COMMAND = [sys.executable, "-m", "upright"]
 LIMIT = 120
 """No process takes longer [s]."""
 

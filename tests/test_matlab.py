@@ -324,8 +324,7 @@ def processes_with(text: str) -> list[int]:
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
     """Begin a study in a process of its own, and return that once a run has ended."""
-    code = "from upright.commands import main; main()"
-    command = [sys.executable, "-c", code, "matlab", "table"]
+    command = [sys.executable, "-m", "upright", "matlab", "table"]
     # More cases than cores, so that it is far from its end when the first run has ended.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]
     command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]

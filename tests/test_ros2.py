@@ -30,7 +30,7 @@ pytestmark = [
     ),
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
 ]
-COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
+COMMAND = [sys.executable, "-m", "upright"]
 EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
 LIMIT = 90
 """No process takes longer [s]."""

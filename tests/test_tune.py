@@ -424,8 +424,7 @@ def candidates_kept(path) -> Iterator[int]:
 
 
 def test_an_interrupt_says_how_to_go_on(tmp_path):
-    program = "from upright.commands import main; main()"
-    command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
+    command = [sys.executable, "-m", "upright", *LINE.split(), "--candidates", "100000"]
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"TERM": "dumb"}
     ) as process:

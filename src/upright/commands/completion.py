@@ -23,9 +23,9 @@ LISTS = {"AGENTS": tuple(AGENTS), "CASES": ("all", *NOISES)}
 
 BASH_LIST = """
 _upright_KIND() {
-  local done=""
-  [[ $1 == *,* ]] && done="${1%,*},"
-  compgen -P "$done" -W "NAMES" -- "${1##*,}"
+  local given=""
+  [[ $1 == *,* ]] && given="${1%,*},"
+  compgen -P "$given" -W "NAMES" -- "${1##*,}"
 }
 """
 FISH_LIST = """
@@ -67,14 +67,17 @@ def run(options: argparse.Namespace) -> int:
     parser = make_parser()
     for action in actions(parser):
         kind = str(action.metavar)
+        action.help = (action.help or "").partition(": ")[0]  # shells list the names themselves
         if kind == "AGENT":
-            action.choices = AGENTS
+            action.choices = tuple(AGENTS)
         elif kind in FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif kind == "FOLDER":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
         elif kind in LISTS:
             action.complete = _list_of(kind)  # type: ignore[attr-defined]
+        elif action.choices and kind != "COMMAND":
+            action.choices = tuple(action.choices)  # shtab takes a dictionary for commands
     print(shtab.complete(parser, options.shell))
     return 0
 

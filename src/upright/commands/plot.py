@@ -23,8 +23,8 @@ def add_options(parser: Parser) -> None:
         "kind",
         choices=KINDS,
         metavar="KIND",
-        help="curves: noise-free learning curves of a store; trials: distributions of its trials; "
-        "policy: map of a policy's pushes; phases: its phase portraits",
+        help="what to draw: curves (noise-free learning curves of a store), trials (distributions "
+        "of its trials), policy (map of a policy's pushes) or phases (its phase portraits)",
     )
     parser.add_argument("source", metavar="FILE", help="a store, or a policy saved by learn --save")
     add(

@@ -1,6 +1,6 @@
 """Run the MATLAB twin in GNU Octave or MATLAB.
 
-It is Q-learning and REINFORCE in MATLAB code; docs/matlab_twin.md is its manual.
+It is Q-learning and REINFORCE in MATLAB code; docs/matlab.md is its manual.
 """
 
 SUBCOMMANDS = {

@@ -28,14 +28,17 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
         if name in without or isinstance(default, tuple):
             continue
         flag = f"--{name.replace('_', '-')}"
-        described = text if default == "" else f"{text} (default: {default})"
+        described = text.rstrip(".")
         form: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
         if name in NAMES:
             form |= {"choices": NAMES[name], "metavar": "NAME"}
+            described = f"{text.partition(':')[0]}: %(choices)s"  # names that it lists are these
         elif name in FILES:
             form |= {"metavar": "FILE"}
         elif isinstance(default, bool):
             form = {"action": argparse.BooleanOptionalAction}
+        if default != "":
+            described += f" (default: {default})"
         parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **form)
 
 
