@@ -8,7 +8,7 @@ import pytest
 
 from upright import __version__
 from upright.agents import AGENTS
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.conditions import PUBLISHED_NOISES
 from upright.core.task import TaskSpec
 from upright.core.trials import Result

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from upright.agents import AGENTS
 from upright.agents.parts.policy_form import BLOCK, Layer, Network, Table
 from upright.agents.q_learning import QLearning
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
 from upright.errors import UprightError
 from upright.policies.c99 import encode as c_header

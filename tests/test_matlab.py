@@ -17,7 +17,7 @@ from octave import COMMAND, HAS_COMPILER, MATLAB, octave, octave_numbers
 from octave import matrix as in_octave
 
 from upright.agents import AGENTS
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, PUBLISHED_NOISES
 from upright.core.parameters import Parameters, State
@@ -342,8 +342,7 @@ def processes_with(text: str) -> list[int]:
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
     """Start a study in a process of its own; return the process once a run has finished."""
-    code = "from upright.commands.cli import main; main()"
-    command = [sys.executable, "-c", code, "matlab", "table"]
+    command = [sys.executable, "-m", "upright", "matlab", "table"]
     # More cases than cores: most of the study is left when the first run has finished.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]
     command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]

@@ -3,7 +3,7 @@ import pytest
 from helpers import make_task
 
 from upright.agents import AGENTS
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
 from upright.plants import PLANTS, describe_plant, restore_plant

@@ -12,7 +12,7 @@ from helpers import LEARNED_ON
 
 from upright.agents import AGENTS
 from upright.agents.reinforce import MOST_KEPT, Reinforce
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
 from upright.policies.files import load_policy, read_header, save_policy

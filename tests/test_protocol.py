@@ -261,7 +261,7 @@ def test_a_run_of_a_learner_is_reported_like_one_of_the_loop():
 
 def test_gymnasium_is_imported_only_where_it_is_needed():
     ended = python(
-        "import sys, upright.commands.cli, upright.studies.study, upright.agents.custom\n"
+        "import sys, upright.commands, upright.studies.study, upright.agents.custom\n"
         "print({'upright.environments.cartpole_env', 'gymnasium'} & set(sys.modules))"
     )
     assert ended.stdout == "set()\n", ended.stderr

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from helpers import make_task
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
 from upright.errors import UprightError
 from upright.plants import PLANTS
@@ -31,7 +31,7 @@ pytestmark = [
     ),
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
 ]
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-m", "upright"]
 EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
 LIMIT = 90
 """Time limit of every process [s]."""

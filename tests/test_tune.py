@@ -19,7 +19,7 @@ from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
 from upright.agents.reinforce import Reinforce
-from upright.commands.cli import run
+from upright.commands import run
 from upright.errors import UprightError, require
 from upright.studies import tuning
 from upright.studies.case import make_case
@@ -410,13 +410,13 @@ def test_help_has_examples_and_does_not_import_optuna(capsys):
         run(["tune", "--help"])
     shown = capsys.readouterr().out
     assert "examples:\n  upright tune q-learning" in shown
-    code = "import sys; from upright.commands.cli import run\ntry: run(['tune', '--help'])\n"
+    code = "import sys; from upright.commands import run\ntry: run(['tune', '--help'])\n"
     code += "except SystemExit: print({'optuna', 'numpy', 'numba'} & set(sys.modules))"
     assert python(code).stdout.endswith("set()\n")
 
 
 def test_without_optuna_one_line_says_how_to_get_it():
-    code = "import sys; sys.modules['optuna'] = None\nfrom upright.commands.cli import run\n"
+    code = "import sys; sys.modules['optuna'] = None\nfrom upright.commands import run\n"
     ended = python(code + "raise SystemExit(run(['tune', 'q-learning']))")
     assert ended.returncode == BAD_USE
     command = "pip install 'optuna>=4.0' (the extra 'tune' of upright)"
@@ -435,8 +435,7 @@ def candidates_kept(path) -> Iterator[int]:
 
 @pytest.mark.slow
 def test_an_interrupt_says_how_to_go_on(tmp_path):
-    program = "from upright.commands.cli import main; main()"
-    command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
+    command = [sys.executable, "-m", "upright", *LINE.split(), "--candidates", "100000"]
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"TERM": "dumb"}
     ) as process:

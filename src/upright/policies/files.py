@@ -34,6 +34,13 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     A NumPy archive holds all that the agent learned; JSON holds what the policy computes, in terms
     that other languages read.
 
+    Parameters
+    ----------
+    path
+        Where to. `load_policy` reads it; NumPy and any reader of JSON do as well.
+    policy
+        What is saved.
+
     Raises
     ------
     UprightError

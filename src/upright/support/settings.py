@@ -6,7 +6,7 @@ The command line, stores, documents and ROS 2 read fields, values and texts from
 import ast
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from upright.errors import UprightError, require_one_of
@@ -101,12 +101,13 @@ def _is_like(present: object, value: object) -> bool:
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
-def describe_settings(settings: Fields | type[Fields]) -> dict[str, str]:
-    """Return the line of text that stands under each field of a settings class."""
+def describe_settings(settings: Any) -> dict[str, str]:
+    """Return the sentence under each field of a dataclass or a NamedTuple, or of its class."""
     kind = settings if isinstance(settings, type) else type(settings)
     (definition,) = ast.parse(inspect.getsource(kind)).body
     assert isinstance(definition, ast.ClassDef)
-    own = {field.name for field in fields(settings)}
+    names: Any = kind
+    own = {field.name for field in fields(kind)} if is_dataclass(kind) else set(names._fields)
     lines = {}
     for field, text in zip(definition.body, definition.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
