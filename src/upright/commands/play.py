@@ -22,7 +22,7 @@ examples:
   upright play policy.npz --episodes 100 --steps 600000
   upright play policy.json                          written by export, or by another language
   upright play policy.npz --plant mujoco            on another plant
-  upright play policy.npz --parameter half_length=1 on a longer pole
+  upright play policy.npz --parameter half_length=1.0   on a longer pole
 exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.
 """
 
