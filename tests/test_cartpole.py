@@ -290,7 +290,7 @@ def test_it_has_fallen_beyond_the_limits_and_not_at_them(name, limit, sign):
 
 @pytest.mark.parametrize("name", ["x", "theta"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_state_that_is_no_number_has_fallen(name, value):
+def test_a_state_of_nan_has_fallen(name, value):
     assert has_fallen(PARAMETERS, State(0.0, 0.0, 0.0, 0.0)._replace(**{name: value}))
 
 

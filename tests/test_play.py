@@ -17,12 +17,20 @@ from upright.plants.mujoco import Mujoco
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
-from upright.studies.playing import PAUSE, TrialOutcome, case_for, pictures, play, prepare, record
+from upright.studies.playing import (
+    PAUSE,
+    TrialOutcome,
+    case_for,
+    pictures,
+    play_trials,
+    prepare,
+    record,
+)
 from upright.studies.run import make_run
 from upright.studies.watching import watch_play
 
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
-"""A task on which trials have all kinds of lengths."""
+"""A task on which trials vary much in length."""
 GO_ON = np.zeros(1, np.bool_)
 
 
@@ -44,21 +52,21 @@ def learned():
 def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned):
     policy = learned[agent]
     case = case_for(policy, **changes)
-    compiled = list(play(policy, case, 8, seed=3))
+    compiled = list(play_trials(policy, case, 8, seed=3))
     for episode, played in enumerate(compiled):
         steps, fallen = trial(policy, *prepare(case, 3, episode, GO_ON))
         assert played == TrialOutcome(steps, not fallen)
     assert len({played.steps for played in compiled}) > 1
 
 
-def test_a_policy_from_outside_plays_in_python():
+def test_a_policy_of_a_custom_agent_plays_in_python():
     class Memory(LinearAgent):
         def push_probability(self, observation):
             return float(super().act(observation, None))
 
     policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), TaskSpec())
     case = make_case("random-search", steps=500)
-    assert list(play(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
+    assert list(play_trials(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
 
 
 @pytest.mark.parametrize(
@@ -73,7 +81,7 @@ def test_playing_teaches_nothing(agent, parts, learned):
     policy = learned[agent]
     kept = [array for part in parts for array in arrays((getattr(policy.memory, part),))]
     before = [array.copy() for array in kept]
-    list(play(policy, case_for(policy, **HARD), 5, seed=0))
+    list(play_trials(policy, case_for(policy, **HARD), 5, seed=0))
     for array, old in zip(kept, before, strict=True):
         np.testing.assert_array_equal(array, old)
         assert array.any()
@@ -83,16 +91,16 @@ def test_a_policy_with_a_history_remembers_and_forgets(learned):
     policy = learned["adaptive-lqr"]
     case = case_for(policy, steps=5)
     for _ in range(2):
-        assert list(play(policy, case, 1, seed=0)) == [TrialOutcome(5, True)]
+        assert list(play_trials(policy, case, 1, seed=0)) == [TrialOutcome(5, True)]
         assert policy.memory.steps[0] == 5
 
 
 def test_a_trial_depends_on_its_number_and_the_seed_alone(learned):
     policy = learned["q-learning"]
     case = case_for(policy, **HARD)
-    few, many = (list(play(policy, case, count, seed=1)) for count in (3, 6))
+    few, many = (list(play_trials(policy, case, count, seed=1)) for count in (3, 6))
     assert many[:3] == few
-    assert list(play(policy, case, 3, seed=2)) != few
+    assert list(play_trials(policy, case, 3, seed=2)) != few
     starts = [record(policy, *prepare(case, 1, i, GO_ON))[0][0].state for i in range(3)]
     assert len(set(starts)) == 3
 
@@ -104,7 +112,7 @@ def test_every_trial_has_its_own_plant_where_plants_vary(learned):
     assert len({task.parameters for _, task, _ in prepared}) == 3
 
 
-def test_a_policy_plays_what_it_learned_on_but_for_the_changes():
+def test_a_policy_plays_its_own_task_except_for_changes():
     names = {"noise": "sensor-5", "start": "zero", "condition": "delay-1"}
     plant, parameters = EquationsSettings("rk4"), {"half_length": 0.7}
     case = make_case("random-search", plant=plant, parameters=parameters, **names)
@@ -158,7 +166,7 @@ def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeyp
     policy = learned["random-search"]
     case = case_for(policy, noise="gaussian-0.2", start="wide", steps=100)
     shown = list(pictures(policy, case, 4, 5, told.append))
-    assert told == list(play(policy, case, 4, 5))
+    assert told == list(play_trials(policy, case, 4, 5))
     assert not all(played.balanced for played in told)
     assert len(shown) == sum(played.steps + 1 + PAUSE for played in told)
     assert len(captions) == sum(played.steps + 1 for played in told)
@@ -177,7 +185,7 @@ def guess():
     return learned_policy(case, 0, 0, case.settings.agent(None)), case
 
 
-def test_watching_prints_every_trial_and_how_they_went(learned, capsys):
+def test_watching_prints_every_trial_and_a_summary(learned, capsys):
     policy, case = guess()
     played = watch_play(policy, case, 3, 0)
     lines = capsys.readouterr().out.splitlines()
