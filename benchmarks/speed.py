@@ -69,7 +69,7 @@ Program = Callable[[int], Outcome]
 class CParameters(ctypes.Structure):
     """`Parameters` of cartpole.h."""
 
-    _fields_ = [(name, ctypes.c_double) for name in Parameters._fields if name != "integrator"]
+    _fields_ = [(name, ctypes.c_double) for name in Parameters._fields]
 
 
 class CQMemory(ctypes.Structure):

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from helpers import PUSHES, FinePlant, make_task, trajectory
+from helpers import PUSHES, FinePlant, make_context, make_task, trajectory
 from matplotlib.image import imread
 
 from upright.commands import run
@@ -59,7 +59,7 @@ def make():
     def make_one(settings=None, parameters=None):
         task = make_task()
         task = task._replace(parameters=parameters or task.parameters)
-        plant, left = (settings or Gazebo()).make(task, "none", 0, np.zeros(1, np.bool_))
+        plant, left = (settings or Gazebo()).make(make_context(task))
         assert left == task
         made.append(plant)
         return plant

@@ -9,6 +9,7 @@ from upright.agents import AGENTS
 from upright.agents.custom import CustomAgent
 from upright.core import trials
 from upright.core.parameters import State
+from upright.core.task import TaskSpec
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.environments.trial_protocol import RunOver, TrialProtocol, run_learner
 from upright.errors import UprightError
@@ -273,7 +274,7 @@ def test_results_counted_by_hand_make_a_table():
         env = TrialProtocol(ScriptedEnv(*ends), steps=7)
         go_on(env)
         results.append(env.result(run))
-    case = Case("elsewhere:mine", "default", CustomAgent("elsewhere:mine"), steps=7)
+    case = Case("elsewhere:mine", "default", CustomAgent("elsewhere:mine"), TaskSpec(steps=7))
     row = summarise(case, 0, results)
     assert (row.runs, row.successes, row.mean_trials) == (2, 2, 2.5)
     assert "elsewhere:mine" in render([row], "text")
