@@ -7,7 +7,6 @@ policies that they show.
 from collections.abc import Callable
 from pathlib import Path
 
-from upright import __version__
 from upright.core.conditions import PUBLISHED_NOISES, RUNS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.trials import Result
@@ -153,7 +152,7 @@ def report(rows: list[Row]) -> str:
     return f"""# The report's tables, again
 
 {protocol}, every trial
-counted; seed {row.seed}, upright {__version__}. {total / 1e6:,.0f} million steps were simulated,
+counted; seed {row.seed}, upright {row.version}. {total / 1e6:,.0f} million steps were simulated,
 {total * step / 86400:,.0f} days of balancing and falling. In brackets stand 95 % intervals. Mean
 trials are over the successful runs: where the success rate is low, they flatter.
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import NamedTuple
 
-from upright import __version__
 from upright.errors import require_one_of
 from upright.reports.published import SOURCES
 from upright.reports.statistics import Row
@@ -65,12 +64,13 @@ def study_table(rows: Sequence[Row]) -> Table:
 
 def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
     agents = {row.agent for row in rows}
-    made = sorted({(row.runs, row.steps, row.start, row.condition, row.seed) for row in rows})
+    told = ("runs", "steps", "start", "condition", "seed", "version")
+    made = sorted({tuple(getattr(row, name) for name in told) for row in rows})
     notes = [
         f"{runs} runs a case, N = {steps:,} steps, start {start}, "
         + ("" if condition == "nominal" else f"condition {condition}, ")
-        + f"seed {seed}, upright {__version__}."
-        for runs, steps, start, condition, seed in made
+        + f"seed {seed}, upright {version}."
+        for runs, steps, start, condition, seed, version in made
     ]
     notes.append(
         "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
