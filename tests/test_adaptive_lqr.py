@@ -3,14 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import arrays
+from helpers import arrays, make_task
 from scipy.linalg import solve_discrete_are
 
 from upright.agents.adaptive_lqr import BLOCK, SETTINGS, AdaptiveLQR, design
 from upright.core.cartpole import step
 from upright.core.loops import compiled_run
 from upright.core.parameters import Parameters, State
-from upright.core.task import make_task
 from upright.errors import UprightError
 from upright.plants.equations import equations
 from upright.studies.case import make_case

@@ -232,7 +232,7 @@ def test_a_plant_goes_by_its_name():
     pytest.importorskip("mujoco")
     policy, result = upright.learn("adaptive-lqr", plant="mujoco", steps=300)
     assert result.success
-    assert policy.task["plant"] == "mujoco"
+    assert policy.plant["name"] == "mujoco"
 
 
 def test_a_study_without_a_store_returns_what_one_with_a_store_does(tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from helpers import LinearAgent, python
 
-from upright.agents import AGENTS, named_settings
+from upright.agents import AGENTS
 from upright.core import compiled
 from upright.core.compiled import PACKAGE, is_compiled, sources_hash
 
@@ -124,7 +124,7 @@ def test_kernels_are_kept_in_the_user_s_folder(variable, tmp_path):
 def test_the_package_s_agents_are_compiled(name):
     import numpy as np
 
-    assert is_compiled(named_settings(name)["default"].agent(np.random.default_rng(1)))
+    assert is_compiled(AGENTS.settings(name)["default"].agent(np.random.default_rng(1)))
 
 
 def test_an_agent_in_plain_python_is_not_compiled():

@@ -1,12 +1,11 @@
 import numpy as np
 import pygame
 import pytest
-from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, arrays
+from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, arrays, make_task
 from PIL import Image
 
 from upright.agents import AGENTS
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.pictures.picture import HEIGHT, WIDTH
@@ -113,7 +112,7 @@ def test_a_policy_plays_what_it_learned_on_but_for_the_changes():
     policy = learned_policy(case, 0, 0, case.settings.agent(None))
     assert case_for(policy) == case
     changed = case_for(policy, noise="none", steps=7)
-    assert (changed.noise, changed.steps) == ("none", 7)
+    assert (changed.spec.noise, changed.spec.steps) == ("none", 7)
     assert (changed.start, changed.condition) == ("zero", "delay-1")
     with pytest.raises(UprightError, match="'loud'"):
         case_for(policy, noise="loud")

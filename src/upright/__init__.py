@@ -42,7 +42,8 @@ One seed gives one result, whatever the machine, the number of cores or the orde
 The names
 ---------
 A task
-    `Parameters`, `State`, `Noise`; `Task`; by name: `NOISES`, `STARTS`, `CONDITIONS`
+    `TaskSpec` by names, `Task` in numbers; `Parameters`, `State`, `Noise`; `NOISES`, `STARTS`,
+    `CONDITIONS`
 Plants and agents
     `PLANTS`, `equations`; `AGENTS`; `compiled`, for an agent of your own that is as fast
 One run
@@ -77,6 +78,7 @@ if TYPE_CHECKING:  # for type checkers and editors, the same names as in _PLACES
     from upright.core.parameters import Parameters as Parameters
     from upright.core.parameters import State as State
     from upright.core.task import Task as Task
+    from upright.core.task import TaskSpec as TaskSpec
     from upright.core.trials import Result as Result
     from upright.environments.cartpole_env import CartPoleEnv as CartPoleEnv
     from upright.environments.trial_protocol import RunOver as RunOver
@@ -106,7 +108,7 @@ _PLACES = {
     "core.compiled": ("compiled",),
     "core.conditions": ("CONDITIONS", "NOISES", "STARTS", "Noise"),
     "core.parameters": ("Parameters", "State"),
-    "core.task": ("Task",),  # and TaskSpec, once it is there
+    "core.task": ("Task", "TaskSpec"),
     "core.trials": ("Result",),
     "environments.cartpole_env": ("CartPoleEnv",),
     "environments.trial_protocol": ("RunOver", "TrialProtocol"),

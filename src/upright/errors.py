@@ -20,6 +20,10 @@ class UprightError(ValueError):
     """
 
 
+class Stopped(Exception):  # noqa: N818 - what happened, which is not an error
+    """A plant was asked to move after its run had been stopped."""
+
+
 def require(
     name: str,
     value: float,

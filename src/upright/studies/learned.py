@@ -7,10 +7,10 @@ import numpy as np
 
 from upright.core.trials import Result
 from upright.errors import UprightError, require
-from upright.plants.equations import SETTINGS as EQUATIONS
+from upright.plants import describe_plant
 from upright.policies.files import export_policy
 from upright.policies.npz_file import arrays_of, save_policy
-from upright.policies.policy import TASK, Policy
+from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
 from upright.studies.study import check_study
@@ -36,10 +36,9 @@ def check_policy(case: Case) -> None:
 
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
-    task = {name: getattr(case, name) for name in TASK} | {"seed": seed, "run": run}
-    if case.plant != EQUATIONS:
-        task["plant"] = case.plant.name
-    return Policy(case.agent, memory, task, case.settings)
+    return Policy(
+        case.agent, memory, case.spec, seed, run, describe_plant(case.plant), case.settings
+    )
 
 
 def learn(

@@ -26,6 +26,12 @@ def values_of(settings: Fields) -> dict[str, Any]:
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
 
 
+def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
+    """Return by name the values of settings that differ from the usual ones."""
+    values = values_of(usual)
+    return {name: value for name, value in values_of(settings).items() if value != values[name]}
+
+
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     """Return settings like the default ones with the values that were written to a file as JSON.
 
