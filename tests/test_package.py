@@ -84,8 +84,16 @@ class Installed:
             [sys.executable, "-m", "pip", "--python", self.python, *words, wheel], check=True
         )
         (self.packages,) = (place / "environment").glob("lib/python*/site-packages")
-        borrowed = [path for path in sys.path if path.endswith(("site-packages", "dist-packages"))]
-        (self.packages / "borrowed.pth").write_text("\n".join(borrowed) + "\n")
+        for folder in map(Path, sys.path):
+            if folder.name in ("site-packages", "dist-packages"):
+                self.borrow(folder)
+
+    def borrow(self, folder):
+        """Have all packages of a folder beside the wheel, but this one."""
+        for path in folder.iterdir():
+            place = self.packages / path.name
+            if not path.name.lstrip("_").startswith("upright") and not place.exists():
+                place.symlink_to(path)
 
     def run(self, *command):
         outside = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
@@ -253,7 +261,7 @@ def main() -> None:
     upright.export_policy("policy.h", again)
 
     case = upright.make_case("random-search", "default", steps=300)
-    print(trials_of(case, runs=5)[0].bit_length(), case.task().steps)
+    print(trials_of(case, runs=5)[0].bit_length(), case.spec.task().steps)
     with upright.Store("runs.sqlite") as store:
         results = upright.study([case], 5, 0, store)
     row = upright.summarise(case, 0, results[case])
