@@ -15,8 +15,8 @@ from upright.agents.reinforce import MOST_KEPT, Reinforce
 from upright.commands.cli import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
-from upright.policies.files import load_policy, read_header
-from upright.policies.npz_file import FORMAT, save_policy
+from upright.policies.files import load_policy, read_header, save_policy
+from upright.policies.npz_file import FORMAT
 from upright.policies.policy import describe
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
@@ -41,8 +41,8 @@ def learned(request):
 def content(tmp_path_factory):
     """The file of a small policy, that of random search."""
     path = tmp_path_factory.mktemp("policy") / "policy.npz"
-    case, policy = learn("random-search")
-    save_policy(path, policy, case.settings)
+    _, policy = learn("random-search")
+    save_policy(path, policy)
     return path.read_bytes()
 
 
@@ -56,7 +56,7 @@ def path(content, tmp_path):
 
 def test_a_policy_read_back_balances_alike(learned, tmp_path):
     case, policy = learned
-    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    save_policy(tmp_path / "policy.npz", policy)
     again = load_policy(tmp_path / "policy.npz")
     assert again.task == policy.task == LEARNED_ON
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
@@ -79,7 +79,7 @@ def test_playing_teaches_nothing():
 
 def test_the_file_holds_its_contract(learned, tmp_path, capsys):
     case, policy = learned
-    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    save_policy(tmp_path / "policy.npz", policy)
     header = read_header(tmp_path / "policy.npz")
     assert header.pop("format") == FORMAT
     assert header.pop("settings") == json.loads(json.dumps(asdict(case.settings)))
@@ -94,7 +94,7 @@ def test_the_file_holds_its_contract(learned, tmp_path, capsys):
     assert describe(policy.contract()) in capsys.readouterr().out
 
 
-def test_the_contract_tells_the_normalisation_by_the_settings():
+def test_the_contract_states_the_normalisation_of_the_settings():
     told = {}
     for agent in ("reinforce", "q-learning", "random-search"):
         case = make_case(agent)
@@ -109,7 +109,7 @@ def test_the_contract_tells_the_normalisation_by_the_settings():
     assert told["random-search"] == "none"
 
 
-def test_a_policy_tells_where_it_learned_if_not_in_the_equations(tmp_path):
+def test_a_policy_names_its_plant_unless_it_is_the_equations(tmp_path):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "random-search", "--plant", "mujoco", "--quiet", "--save", path]) == 0
     assert load_policy(path).task == LEARNED_ON | {"steps": 60_000, "plant": "mujoco"}
@@ -118,7 +118,7 @@ def test_a_policy_tells_where_it_learned_if_not_in_the_equations(tmp_path):
     assert run(["play", path, "--steps", "100", "--episodes", "1"]) == 0
 
 
-def test_show_of_a_policy_is_text_that_no_terminal_obeys(path, capsys):
+def test_show_escapes_what_a_terminal_would_obey(path, capsys):
     change_header(lambda header: header.update({"x\x1b[2J": "\x1b]0;title\x07"}))(path)
     assert run(["show", str(path)]) == 0
     assert capsys.readouterr().out.replace("\n", "").isprintable()
@@ -176,7 +176,7 @@ def change_settings(**values):
 
 
 def of_agent(agent, **changes):
-    """Return damage that makes the file another agent's, with bad settings."""
+    """Return damage that makes the file that of another agent, with bad settings."""
 
     def change(header):
         header["agent"] = agent
@@ -190,7 +190,7 @@ def replace_header(text):
 
 
 def member(array, rest=b"", shape=None):
-    """Return a NumPy file, which may claim another shape and go on behind its end."""
+    """Return a NumPy file, which may claim another shape and have trailing bytes."""
     written = io.BytesIO()
     described = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
     np.lib.format.write_array_header_1_0(written, described)
@@ -345,7 +345,7 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize(("damage", "said"), BAD_FILES.values(), ids=BAD_FILES)
-def test_a_bad_file_is_refused_at_no_cost(damage, said, path):
+def test_a_bad_file_is_refused_without_using_much_memory(damage, said, path):
     damage(path)
     tracemalloc.start()
     with pytest.raises(UprightError, match=rf"policy\.npz.*{said}") as error:
@@ -356,6 +356,7 @@ def test_a_bad_file_is_refused_at_no_cost(damage, said, path):
     assert peak < 20_000_000
 
 
+@pytest.mark.slow
 def test_whatever_byte_is_damaged_the_policy_is_the_same_or_refused(content, path):
     expected = load_policy(path).memory.weights.tolist()
     refused = 0
@@ -460,7 +461,7 @@ def test_objects_are_refused_even_of_an_agent_that_has_them(trap):
     assert run(["learn", "foreign:agent", "--save", "mine.npz"]) == BAD_USE
 
 
-def test_an_agent_may_be_named_that_needs_no_naming(path):
+def test_a_built_in_agent_may_be_named_too(path):
     assert load_policy(path, agent="random-search").task == LEARNED_ON
     with pytest.raises(UprightError, match="learned by 'random-search', not by 'reinforce'"):
         load_policy(path, agent="reinforce")

@@ -89,7 +89,7 @@ if TYPE_CHECKING:  # for type checkers and editors, the same names as in _PLACES
     from upright.plants.equations import equations as equations
     from upright.policies.files import export_policy as export_policy
     from upright.policies.files import load_policy as load_policy
-    from upright.policies.npz_file import save_policy as save_policy
+    from upright.policies.files import save_policy as save_policy
     from upright.policies.policy import Policy as Policy
     from upright.reports.statistics import summarise as summarise
     from upright.reports.tables import render as render
@@ -116,8 +116,7 @@ _PLACES = {
     "errors": ("UprightError",),
     "plants": ("PLANTS",),
     "plants.equations": ("equations",),
-    "policies.files": ("export_policy", "load_policy"),
-    "policies.npz_file": ("save_policy",),
+    "policies.files": ("export_policy", "load_policy", "save_policy"),
     "policies.policy": ("Policy",),
     "reports.statistics": ("summarise",),
     "reports.tables": ("render",),

@@ -8,8 +8,8 @@ import numpy as np
 from upright.core.trials import Result
 from upright.errors import UprightError, require
 from upright.plants import describe_plant
-from upright.policies.files import export_policy
-from upright.policies.npz_file import arrays_of, save_policy
+from upright.policies.files import save_policy
+from upright.policies.npz_file import arrays_of
 from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
@@ -117,8 +117,4 @@ def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> Non
     UprightError
         If it cannot be written.
     """
-    policy = learned_policy(case, seed, run, memory)
-    if path.endswith(".json"):
-        export_policy(path, policy)
-    else:
-        save_policy(path, policy)
+    save_policy(path, learned_policy(case, seed, run, memory))
