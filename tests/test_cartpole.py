@@ -332,7 +332,7 @@ def test_impossible_parameters_are_refused_by_name(name, value):
 def test_an_unknown_integrator_is_refused_by_name(value):
     for make in (EquationsSettings, lambda name: equations(integrator=name)):
         with pytest.raises(
-            UprightError, match="integrator is .*euler, semi-implicit, rk4"
+            UprightError, match=r"integrator is .*euler, semi-implicit, rk4"
         ) as error:
             make(value)
         assert repr(value) in str(error.value)
