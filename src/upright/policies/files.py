@@ -37,9 +37,9 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     Parameters
     ----------
     path
-        Where to. `load_policy` reads it; NumPy and any reader of JSON do as well.
+        The file to write.
     policy
-        What is saved.
+        The policy to save.
 
     Raises
     ------

@@ -50,7 +50,7 @@ def _file_of(module: str) -> Path:
 def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
     """Return all files of the package that runs depend on which use these modules."""
     heart = [*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)]
-    found = {path for path in import_closure(modules, [package.parent]) if path not in heart}
+    found = import_closure(modules, [package.parent], package) - set(heart)
     without = [package / name for name in WITHOUT_EFFECT]
     return {*heart, *(p for p in found if not any(p.is_relative_to(part) for part in without))}
 
@@ -60,16 +60,16 @@ def _custom_fingerprint(agent: CustomAgent) -> str:
     file, name = agent.source(), agent.agent_name.partition(":")[0]
     depth = name.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
-    own = import_closure([file], [root])
-    if root.name in INSTALLED:
-        own = {path for path in own if path.is_relative_to(root / name.partition(".")[0])}
-    return digest(sorted(own | {file}), root)
+    own = root / name.partition(".")[0] if root.name in INSTALLED else root
+    return digest(sorted(import_closure([file], [root], own) | {file}), root)
 
 
-def import_closure(modules: Iterable[Path], roots: Iterable[Path]) -> set[Path]:
-    """Return the files of modules, of all they import below the roots, and of data they name.
+def import_closure(modules: Iterable[Path], roots: Iterable[Path], within: Path) -> set[Path]:
+    """Return the files of modules, of all they import, and of data they name.
 
-    Imports count wherever they stand: at the top, in functions, for type checkers alone.
+    Imports count wherever they stand: at the top, in functions, for type checkers alone. They are
+    looked for below the roots, and followed within one folder: beside an installed package lie
+    others, which it imports as well.
     """
     roots = list(roots)
     found: set[Path] = set()
@@ -79,7 +79,7 @@ def import_closure(modules: Iterable[Path], roots: Iterable[Path]) -> set[Path]:
         if path not in found:
             found.add(path)
             if path.suffix == ".py":
-                waiting += _used_by(path, roots)
+                waiting += (used for used in _used_by(path, roots) if used.is_relative_to(within))
     return found
 
 

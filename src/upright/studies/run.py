@@ -79,7 +79,8 @@ def make_run(
         Where a run's random numbers come from: `twister_numbers`, or unless given
         `random_numbers`.
     plant
-        The body, if it is there already and makes all noise itself.
+        What is balanced in place of the case's plant: anything with the methods `reset`, `step`,
+        `has_fallen` and `close`. The noise of the case is added to it.
 
     Returns
     -------
