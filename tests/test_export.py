@@ -13,7 +13,8 @@ import onnxruntime
 import pytest
 
 from upright.agents import AGENTS
-from upright.agents.parts.policy_form import BLOCK, Table
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Table
 from upright.agents.q_learning import QLearning
 from upright.commands.cli import run
 from upright.core.parameters import State

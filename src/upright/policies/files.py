@@ -44,7 +44,8 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
         check_task(header["task"])
         settings = restore_settings(header["agent"], header["settings"])
         memory = settings.agent(np.random.default_rng(0))
-        fill(memory, archive, finite=not is_custom(header["agent"]))
+        former_names = getattr(settings, "RENAMED_ARRAYS", {})
+        fill(memory, archive, finite=not is_custom(header["agent"]), renamed=former_names)
         policy = Policy(header["agent"], memory, header["task"])
         check_contract(policy, header, {"version"})
     return policy
