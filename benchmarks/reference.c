@@ -64,7 +64,7 @@ void many_libm(const Parameters *p, double *restrict states, const double *restr
     }
 }
 
-/* ---- A trial of each agent: upright/trials.py ------------------------------------------------ */
+/* ---- A trial of each agent: upright/core/trials.py ------------------------------------------- */
 
 /* The policy of upright/agents/random_search.py: returns how many steps it lasted. */
 int64_t trial_linear(const Parameters *p, const double w[4], State *state, int64_t steps)
@@ -191,7 +191,7 @@ int64_t trial_reinforce(const Parameters *p, ReinforceMemory *memory, Random *ra
     return count;
 }
 
-/* ---- The vector environment: upright/lanes.py, without noise --------------------------------- */
+/* ---- The vector environment: upright/environments/batch.py, without noise -------------------- */
 
 /* NumPy's SFC64, of lane i of n: four rows of words. */
 static inline double draw(uint64_t *words, int64_t n, int64_t i)

@@ -142,9 +142,9 @@ def agent_alone() -> float:
     rng = random_numbers(0, 0)
     agent, lengths, stop = case.settings.agent(rng), np.zeros(20, np.int64), np.zeros(1, np.bool_)
     make = partial(loops.bound_run, agent, Idle(), stop=stop, rng=rng)
-    make(task=case.task()._replace(trials=0), lengths=lengths)  # compiles
+    make(task=case.spec.task()._replace(trials=0), lengths=lengths)  # compiles
     began = time.perf_counter()
-    make(task=case.task(), lengths=lengths)
+    make(task=case.spec.task(), lengths=lengths)
     return (time.perf_counter() - began) / lengths.sum() * 1e6
 
 

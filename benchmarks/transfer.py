@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from speed import make_parser, put
 
-from upright.plants import default_plant
+from upright.plants import PLANTS as REGISTERED
 from upright.studies.case import make_case
 from upright.studies.intervals import wilson_interval
 from upright.studies.learned import learned_policy
@@ -36,13 +36,13 @@ LEARNERS = [Learner(agent, plant) for agent in AGENTS for plant in PLANTS]
 
 def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
     """Return how long a trial lasted on each plant after a run; None if the run failed."""
-    case = make_case(learner.agent, steps=steps, plant=default_plant(learner.plant))
+    case = make_case(learner.agent, steps=steps, plant=REGISTERED.default(learner.plant))
     memory, result = make_run(case, 0, run)
     assert result
     if not result.success:
         return None
     policy = learned_policy(case, 0, run, memory)
-    cases = [case_for(policy, steps=steps, plant=default_plant(plant)) for plant in PLANTS]
+    cases = [case_for(policy, steps=steps, plant=REGISTERED.default(plant)) for plant in PLANTS]
     return [next(play(policy, case, 1, run)).steps for case in cases]
 
 

@@ -1,11 +1,12 @@
-"""The package's agents on an environment that is not the package's: Gymnasium's own cart-pole.
+"""Run the package's agents on Gymnasium's own cart-pole.
 
     python examples/agents_on_gymnasium.py
     python examples/agents_on_gymnasium.py --agents adaptive-lqr,random-search --runs 20
     python examples/agents_on_gymnasium.py --env upright/CartPole-v0
 
-An agent balances any body. This file makes one of an environment with the spaces of CartPole-v1,
-which tells when it has fallen, and lets the package's own loop move it.
+An agent can balance any plant. This script wraps an environment which has the spaces of CartPole-v1
+as a plant, and runs the agents on it with the package's own loop. The environment decides when the
+pole has fallen.
 """
 
 import argparse
@@ -25,21 +26,21 @@ from upright.studies.random_streams import random_numbers
 
 
 class GymnasiumBody:
-    """An environment of Gymnasium as a body that agents balance.
+    """A Gymnasium environment as a plant.
 
     Parameters
     ----------
     name
-        Of the environment.
+        Name of the environment.
     steps
-        How many steps an episode may last.
+        Maximum number of steps in an episode.
     seed
-        Of the environment's own random numbers.
+        Seed of the environment's own random numbers.
 
     Raises
     ------
     UprightError
-        If its spaces are not those of CartPole-v1.
+        If the environment's spaces are not those of CartPole-v1.
     """
 
     def __init__(self, name: str, steps: int, seed: int) -> None:
@@ -51,17 +52,17 @@ class GymnasiumBody:
             raise UprightError(f"env is {name!r}; it must have four observations and two actions")
 
     def reset(self, state: State) -> State:
-        """Begin an episode, in a state that the environment draws."""
+        """Begin an episode in a state drawn by the environment; `state` is ignored."""
         observation, _ = self.env.reset()
         return State(*observation.tolist())
 
     def step(self, force: float) -> State:
-        """Push to the side of the force, and return the observation, which is the state."""
+        """Push in the direction of the force and return the observation, which is the state."""
         observation, _, self.ended, _, _ = self.env.step(int(force > 0))
         return State(*observation.tolist())
 
     def has_fallen(self, state: State) -> bool:
-        """Whether the environment ended the episode, by whatever limits it has."""
+        """Return whether the environment has terminated the episode, by its own limits."""
         return self.ended
 
     def close(self) -> None:
@@ -70,24 +71,24 @@ class GymnasiumBody:
 
 
 def make_run(name: str, case: Case, seed: int, number: int) -> Result:
-    """Let a new agent learn in an environment, as `study.make_run` does on the equations."""
+    """Run a new agent in an environment, as `study.make_run` does on the equations."""
     rng = random_numbers(seed, number)
     agent = case.settings.agent(rng)
-    body = GymnasiumBody(name, case.steps, int(rng.integers(2**31)))
-    lengths = np.zeros(case.trials, np.int64)
+    body = GymnasiumBody(name, case.spec.steps, int(rng.integers(2**31)))
+    lengths = np.zeros(case.spec.trials, np.int64)
     began = time.perf_counter()
-    success = run(agent, body, case.task(), rng, lengths, np.zeros(1, np.bool_)) > 0
+    success = run(agent, body, case.spec.task(), rng, lengths, np.zeros(1, np.bool_)) > 0
     body.close()
     return Result(number, success, lengths[lengths > 0], time.perf_counter() - began)
 
 
 def main() -> None:
-    """Print the trial table of some agents in an environment."""
+    """Run the agents in an environment and print their trial table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--env", default="CartPole-v1", help="name of the environment")
     parser.add_argument("--agents", default="adaptive-lqr,reinforce,q-learning,random-search")
     parser.add_argument("--runs", type=int, default=RUNS)
-    parser.add_argument("--steps", type=int, default=STEPS, help="steps of a success")
+    parser.add_argument("--steps", type=int, default=STEPS, help="steps of a successful trial")
     options = parser.parse_args()
     rows = []
     for agent in options.agents.split(","):

@@ -1,10 +1,10 @@
-"""A compiled agent: hill climbing, as fast as the package's own agents.
+"""A compiled custom agent: hill climbing, as fast as the package's own agents.
 
     upright table --agents examples.compiled_agent:hill_climber,random-search --noises none
 
-The policy is linear. Each trial tries the best weights so far, changed a little at random, and
-keeps them if the pole stood longer. The rules for compiled methods: numbers that change live in
-arrays, and arrays are allocated when the agent is made.
+The policy is linear. Each trial tries the best weights so far with a small random change, and keeps
+the new weights if the pole stayed up longer. Compiled methods must follow two rules: numbers that
+change are stored in arrays, and all arrays are allocated when the agent is created.
 """
 
 from typing import NamedTuple
@@ -15,25 +15,25 @@ from upright.core.compiled import compiled
 
 
 class HillClimber(NamedTuple):
-    """What the agent carries from step to step and from trial to trial."""
+    """The agent's state, which it keeps from step to step and from trial to trial."""
 
     best: np.ndarray
     """The best weights so far, for x/2.4 m, x_dot/1.5 m/s, theta/6° and theta_dot/0.5 rad/s."""
     tried: np.ndarray
-    """The weights of this trial."""
+    """The weights of the current trial."""
     steps: np.ndarray
-    """The most steps so far, and those of this trial."""
+    """The largest number of steps so far, and the steps of the current trial."""
 
     @compiled
     def begin_trial(self, rng):
-        """Try other weights."""
+        """Draw new weights close to the best ones."""
         self.steps[1] = 0.0
         for i in range(4):
             self.tried[i] = self.best[i] + (2.0 * rng.random() - 1.0)
 
     @compiled
     def act(self, observation, rng):
-        """Push as the weights say: True to the right, False to the left."""
+        """Choose a push according to the weights: True to the right, False to the left."""
         w = self.tried
         total = w[0] * observation.x / 2.4 + w[1] * observation.x_dot / 1.5
         return total + w[2] * observation.theta / 0.105 + w[3] * observation.theta_dot / 0.5 > 0.0
@@ -53,5 +53,5 @@ class HillClimber(NamedTuple):
 
 
 def hill_climber(rng: np.random.Generator) -> HillClimber:
-    """Return a new agent for a run."""
+    """Create a new agent for a run."""
     return HillClimber(best=np.zeros(4), tried=np.zeros(4), steps=np.zeros(2))

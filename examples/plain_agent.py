@@ -1,9 +1,9 @@
-"""An agent in plain Python: tabular Q-learning in thirty lines.
+"""A custom agent in plain Python: tabular Q-learning in thirty lines.
 
     upright table --agents examples.plain_agent:TinyQ,random-search --noises none --steps 1000
 
-It runs through the same protocol as the package's agents, into the same table, a hundred times
-slower. `compiled_agent.py` shows the fast form.
+It is measured by the same protocol and in the same table as the package's agents, but is a hundred
+times slower. `compiled_agent.py` shows how to write a fast agent.
 """
 
 from collections import defaultdict
@@ -14,18 +14,18 @@ from upright.core.parameters import State
 
 
 class TinyQ:
-    """Q-learning on boxes of the pole's angle and angular velocity, greedy."""
+    """Greedy Q-learning on boxes of the pole's angle and angular velocity."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Make a new agent for a run; every random number it uses must come from `rng`."""
+        """Create a new agent for a run; all random numbers it uses must come from `rng`."""
         self.values: dict[tuple[float, float], list[float]] = defaultdict(lambda: [0.0, 0.0])
 
     def box(self, observation: State) -> tuple[float, float]:
-        """Return the box that a measurement lies in: steps of 2° and 20°/s."""
+        """Return the box that contains a measurement; boxes are 2° by 20°/s in size."""
         return round(observation.theta / 0.035), round(observation.theta_dot / 0.35)
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Get ready for a trial from a new start."""
+        """Prepare for a trial from a new start."""
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
         """Choose a push: True to the right, False to the left."""
@@ -33,10 +33,10 @@ class TinyQ:
         return right > left or (right == left and rng.random() < 0.5)
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        """Learn from one step: what was measured, what was done, what was measured then."""
+        """Learn from one step: the measurement before, the push, and the measurement after."""
         target = -1.0 if fallen else 0.95 * max(self.values[self.box(after)])
         values = self.values[self.box(before)]
         values[action] += 0.3 * (target - values[action])
 
     def end_trial(self, fallen: bool) -> None:
-        """Learn from the trial as a whole, which ended by a fall or by success."""
+        """Learn from the whole trial, which has ended in a fall or in success."""

@@ -1,10 +1,11 @@
-"""A driver for a cart of your own, in the place of the simulator.
+"""A driver for a real cart, which replaces the simulator.
 
     python examples/ros2_cart.py                                    in one terminal
     upright ros2 learn adaptive-lqr --steps 1000                    in another
 
-It has the equations where yours has a motor and two encoders: put them where `self.body` is. It has
-no status, so that the learner judges by the limits of the task whether the pole fell.
+In place of a motor and two encoders, this example uses the equations of motion: replace `self.body`
+with your hardware. The driver does not publish a status, so the learner uses the limits of the task
+to decide whether the pole has fallen.
 """
 
 from contextlib import suppress
@@ -27,7 +28,7 @@ SILENCE = 5
 
 
 class Cart(Node):
-    """Moves by the last command, and tells what it measures 50 times a second."""
+    """A cart that moves with the last command and publishes its measurements 50 times a second."""
 
     def __init__(self) -> None:
         super().__init__("cart")
@@ -39,11 +40,11 @@ class Cart(Node):
         self.create_timer(PERIOD, self.on_period)
 
     def on_effort(self, command: Float64MultiArray) -> None:
-        """Keep a command [N] until the next one."""
+        """Store a command [N] until the next one arrives."""
         self.force, self.silent = command.data[0], 0
 
     def on_period(self) -> None:
-        """Let the motor push, and publish what the encoders say then."""
+        """Apply the force for one period, then publish the measurements."""
         self.silent += 1
         x, x_dot, theta, theta_dot = self.body.step(self.force if self.silent <= SILENCE else 0.0)
         message = JointState(name=["slider", "hinge"])
@@ -52,7 +53,7 @@ class Cart(Node):
         self.states.publish(message)
 
     def on_reset(self, _: Any, response: Any) -> Any:
-        """Answer once the pole stands: set up by a person, or by a swing-up."""
+        """Respond once a person or a swing-up controller has raised the pole."""
         self.force = 0.0
         self.body.reset(State(0.0, 0.0, 0.02, 0.0))
         response.success = True

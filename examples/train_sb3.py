@@ -1,13 +1,14 @@
-"""Learners of Stable-Baselines3, through the trial protocol into the trial table.
+"""Measure learners from Stable-Baselines3 by the trial protocol.
 
     pip install stable-baselines3
     upright learn examples.train_sb3:PPO
     upright table --agents examples.train_sb3:PPO,examples.train_sb3:DQN,random-search \
         --noises none,gaussian-0.2 --runs 10 --store results/sb3.sqlite
 
-The first command shows every trial of one run. The second measures, and goes on where it stopped.
-A learner that only knows Gymnasium needs no more than this: it is made from the run's random
-numbers, and trains until the environment says that the run is over.
+The `learn` command shows every trial of one run. The `table` command measures the learners over
+many runs; after an interruption, it resumes where it stopped. A learner written for Gymnasium needs
+only what the classes below have: its constructor takes the run's random number generator, and its
+method `train` trains until the environment reports that the run is over.
 """
 
 import gymnasium
@@ -16,20 +17,20 @@ import stable_baselines3
 import torch
 
 ENDLESS = 10**9
-"""More steps than a run can have: the environment ends it."""
+"""More steps than a run can have: the environment ends the run."""
 
-torch.set_num_threads(1)  # every core has a run of its own
+torch.set_num_threads(1)  # each core has its own run
 
 
 class PPO:
-    """Proximal policy optimisation of Stable-Baselines3."""
+    """Proximal policy optimisation from Stable-Baselines3."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Make a new learner for a run."""
+        """Create a new learner for a run."""
         self.seed = int(rng.integers(2**31))
 
     def train(self, env: gymnasium.Env) -> None:
-        """Learn until the run is over; of four settings tried once, the fastest."""
+        """Train until the run is over, with the fastest of four settings that were tried once."""
         model = stable_baselines3.PPO(
             "MlpPolicy",
             env,
@@ -45,14 +46,14 @@ class PPO:
 
 
 class DQN:
-    """Deep Q-learning of Stable-Baselines3."""
+    """Deep Q-learning from Stable-Baselines3."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Make a new learner for a run."""
+        """Create a new learner for a run."""
         self.seed = int(rng.integers(2**31))
 
     def train(self, env: gymnasium.Env) -> None:
-        """Learn until the run is over; with RL Baselines3 Zoo's settings for CartPole-v1."""
+        """Train until the run is over, with RL Baselines3 Zoo's settings for CartPole-v1."""
         model = stable_baselines3.DQN(
             "MlpPolicy",
             env,

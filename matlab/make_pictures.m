@@ -1,6 +1,6 @@
 function make_pictures(folder)
-%MAKE_PICTURES  Make the pictures of the MATLAB twin that the documentation shows.
-%   make_pictures() writes them into docs/pictures; make_pictures(folder) into another folder:
+%MAKE_PICTURES  Generate the pictures of the MATLAB twin for the documentation.
+%   make_pictures() writes them to docs/pictures; make_pictures(folder) writes them to folder:
 %
 %     matlab-cart-pole.png   a cart-pole that learns
 %     matlab-learning.gif    how it falls, and then balances

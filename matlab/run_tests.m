@@ -1,7 +1,7 @@
 function failed = run_tests()
-%RUN_TESTS  Run the tests that stand at the end of each file, in GNU Octave.
-%   failed = run_tests() returns how many failed, and prints a line for each file and the sum. From a
-%   shell, where the exit status is 1 if one failed:
+%RUN_TESTS  Run the tests at the end of each file, in GNU Octave.
+%   failed = run_tests() returns the number of failed tests, and prints a line for each file and the
+%   total. From a shell, where the exit status is 1 if a test failed:
 %
 %     octave-cli --eval "addpath matlab; exit(run_tests() > 0)"
 %

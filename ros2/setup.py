@@ -1,4 +1,4 @@
-"""Installs the package `upright_ros` for colcon; its programs are in `upright.nodes`."""
+"""Install `upright_ros` with colcon; its programs are in `upright.nodes`."""
 
 from glob import glob
 from xml.etree import ElementTree

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from upright.core.cartpole import step
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.cartpole import Integrator, step
+from upright.core.parameters import Parameters, State
+from upright.core.task import Task, TaskSpec
 from upright.plants.equations import equations
 from upright.reports.statistics import Row
 
@@ -95,11 +96,15 @@ class LinearAgent:
         self.ends.append(fallen)
 
 
+def make_task(noise: str = "none", start: str = "random", **names: Any) -> Task:
+    """Return the task with these named parts in numbers."""
+    return TaskSpec(noise, start, **names).task()
+
+
 LEARNED_ON = {
     "noise": "none",
     "start": "random",
     "steps": 2000,
-    "integrator": "euler",
     "condition": "nominal",
     "seed": 0,
     "run": 0,
@@ -131,9 +136,7 @@ class FinePlant:
     """The equations by RK4 at 200 steps in a time step, whose errors are nothing beside others."""
 
     def __init__(self, parameters: Parameters) -> None:
-        self.fine = parameters._replace(
-            time_step=parameters.time_step / 200, integrator=int(Integrator.RK4)
-        )
+        self.fine = parameters._replace(time_step=parameters.time_step / 200)
 
     def reset(self, state: State) -> State:
         self.state = state
@@ -141,7 +144,7 @@ class FinePlant:
 
     def step(self, force: float) -> State:
         for _ in range(200):
-            self.state = step(self.fine, self.state, force)
+            self.state = step(self.fine, self.state, force, Integrator.RK4)
         return self.state
 
 
@@ -167,11 +170,7 @@ def arrays(memory: Any) -> Iterator[np.ndarray]:
 
 def recorded_rows(path: Path) -> list[Row]:
     """Return the rows that a table was written of as JSON."""
-    intervals = ("success_ci95", "ci95", "all_runs_ci95")
-    return [
-        Row(**values | {name: values[name] and tuple(values[name]) for name in intervals})
-        for values in json.loads(path.read_text())
-    ]
+    return [Row.from_data(values) for values in json.loads(path.read_text())]
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:

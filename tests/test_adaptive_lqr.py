@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import arrays
+from helpers import arrays, make_task
 from scipy.linalg import solve_discrete_are
 
 from upright.agents.adaptive_lqr import SETTINGS, AdaptiveLQR, fit_and_design
@@ -11,7 +11,6 @@ from upright.agents.parts.history import BLOCK
 from upright.core.cartpole import step
 from upright.core.loops import compiled_run
 from upright.core.parameters import Parameters, State
-from upright.core.task import make_task
 from upright.errors import UprightError
 from upright.plants.equations import equations
 from upright.studies.case import make_case

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import upright.agents
 import upright.core
-from upright.agents import AGENTS, named_settings, restore_settings
+from upright.agents import AGENTS
 from upright.agents.parts.policy_form import Table
 from upright.core.parameters import State
 from upright.errors import UprightError
@@ -30,12 +30,12 @@ from upright.support.settings import change_settings
 ALL_SETTINGS = {
     f"{name} {label}": (name, settings)
     for name in AGENTS
-    for label, settings in named_settings(name).items()
+    for label, settings in AGENTS.settings(name).items()
 }
 RENAMED = [
     (name, old, new)
     for name in AGENTS
-    for old, new in getattr(named_settings(name)["default"], "RENAMED", {}).items()
+    for old, new in getattr(AGENTS.default(name), "RENAMED", {}).items()
 ]
 
 # ------------------------------------------------------------------------------ names of classes
@@ -82,7 +82,7 @@ def test_every_agent_has_a_class_of_its_own_name():
 
 @pytest.mark.parametrize(("name", "old", "new"), RENAMED)
 def test_a_former_name_stands_for_one_setting(name, old, new):
-    present = {field.name for field in fields(named_settings(name)["default"])}
+    present = {field.name for field in fields(AGENTS.default(name))}
     assert old not in present
     assert new in present
 
@@ -90,8 +90,8 @@ def test_a_former_name_stands_for_one_setting(name, old, new):
 @pytest.mark.parametrize(("name", "settings"), ALL_SETTINGS.values(), ids=ALL_SETTINGS)
 def test_settings_written_under_former_names_are_restored(name, settings):
     old = former(settings, asdict(settings))
-    assert restore_settings(name, old) == settings
-    assert restore_settings(name, asdict(settings)) == settings
+    assert AGENTS.restore(name, old) == settings
+    assert AGENTS.restore(name, asdict(settings)) == settings
 
 
 def former(settings, values):
@@ -102,14 +102,14 @@ def former(settings, values):
 
 @pytest.mark.parametrize(("name", "old", "new"), RENAMED)
 def test_a_setting_by_both_its_names_is_refused(name, old, new):
-    values = asdict(named_settings(name)["default"])
+    values = asdict(AGENTS.default(name))
     with pytest.raises(UprightError, match=f"'{old}'.* are not those of {name}"):
-        restore_settings(name, values | {old: values[new]})
+        AGENTS.restore(name, values | {old: values[new]})
 
 
 @pytest.mark.parametrize(("name", "old", "new"), RENAMED)
 def test_a_person_who_uses_a_former_name_learns_the_new_one(name, old, new):
-    default = named_settings(name)["default"]
+    default = AGENTS.default(name)
     with pytest.raises(UprightError, match=f"^{old} is now called {new}$"):
         change_settings(default, {old: "0.5"})
     with pytest.raises(UprightError, match=f"^{old} is now called {new}$"):

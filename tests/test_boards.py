@@ -10,6 +10,7 @@ from upright import __version__
 from upright.agents import AGENTS
 from upright.commands.cli import run
 from upright.core.conditions import PUBLISHED_NOISES
+from upright.core.task import TaskSpec
 from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.reports import leaderboards
@@ -37,10 +38,7 @@ def row(agent="random-search", low=1.0, high=2.0, mean=1.5, successes=10, runs=1
     return Row(
         agent=agent,
         settings="default",
-        noise=noise,
-        start="random",
-        condition="nominal",
-        steps=100,
+        task=TaskSpec(noise, steps=100),
         runs=runs,
         successes=successes,
         success_rate=successes / runs,
@@ -217,7 +215,7 @@ def test_a_board_names_all_that_repeats_it(made, name):
 
 
 def test_what_is_usual_is_not_repeated_in_the_command():
-    assert "`upright leaderboard --seed 0`" in leaderboards._made(BoardPlan(), "leaderboard")
+    assert "`upright leaderboard --seed 0`" in leaderboards._made(BoardPlan(), "leaderboard", "1.2")
     assert BoardPlan().agents == tuple(AGENTS)
 
 
@@ -242,13 +240,13 @@ def test_the_usual_board_names_a_command_that_makes_it(name, usual, tmp_path, mo
     (path, study), *_ = studies
     assert study.steps == usual
     assert path == f"docs/{name}.md"
-    command = re.search(r"`upright (.*)`", leaderboards._made(study, name))[1]
+    command = re.search(r"`upright (.*)`", leaderboards._made(study, name, "1.2"))[1]
     assert "steps" not in command
     assert run(command.split()) == 0
     assert studies[1] == studies[0]
-    assert "--steps 600 " in leaderboards._made(study._replace(steps=600), name)
+    assert "--steps 600 " in leaderboards._made(study._replace(steps=600), name, "1.2")
     other = 660_000 - usual  # the usual one of the other board
-    assert f"--steps {other} " in leaderboards._made(study._replace(steps=other), name)
+    assert f"--steps {other} " in leaderboards._made(study._replace(steps=other), name, "1.2")
 
 
 def test_the_figures_beside_a_board_are_read_back(made):
@@ -303,7 +301,7 @@ def test_a_larger_board_makes_only_the_runs_that_are_missing(tmp_path, monkeypat
     rows = make_rows(small, columns)
     assert sorted(made) == [0, 0, 1, 1]
     assert list(rows) == ["calm", "tilted"]
-    assert [each.start for (each,) in rows.values()] == ["random", "wide"]
+    assert [each.spec.start for (each,) in rows.values()] == ["random", "wide"]
     made.clear()
     rows = make_rows(small._replace(runs=3), columns)
     assert made == [2, 2]

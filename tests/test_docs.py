@@ -27,9 +27,9 @@ def test_the_readme_quotes_the_recorded_study(rows):
     readme = (ROOT / "README.md").read_text()
     for row in rows:
         if row.settings == "default":
-            line = re.search(rf"^\| {re.escape(row.noise)} \|.*$", readme, re.MULTILINE)
-            assert line, row.noise
-            assert mean_text(row) in line[0], (row.agent, row.noise)
+            line = re.search(rf"^\| {re.escape(row.task.noise)} \|.*$", readme, re.MULTILINE)
+            assert line, row.task.noise
+            assert mean_text(row) in line[0], (row.agent, row.task.noise)
 
 
 def test_the_recorded_report_is_what_the_program_writes(rows):

@@ -9,13 +9,12 @@ import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from helpers import GOOD_WEIGHTS, python
+from helpers import GOOD_WEIGHTS, make_task, python
 
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, Noise
 from upright.core.many import PART
 from upright.core.parameters import Integrator, Parameters, State
-from upright.core.task import make_task
 from upright.core.trials import trial
 from upright.environments.cartpole_env import CartPoleEnv, StreamOfLane
 from upright.environments.vector_env import CartPoleVectorEnv

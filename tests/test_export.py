@@ -11,6 +11,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+from helpers import make_task
 
 from upright.agents import AGENTS
 from upright.agents.parts.history import BLOCK
@@ -18,7 +19,6 @@ from upright.agents.parts.policy_form import Table
 from upright.agents.q_learning import QLearning
 from upright.commands.cli import run
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.plants.equations import equations

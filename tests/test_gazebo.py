@@ -11,12 +11,11 @@ import time
 
 import numpy as np
 import pytest
-from helpers import PUSHES, FinePlant, trajectory
+from helpers import PUSHES, FinePlant, make_task, trajectory
 from matplotlib.image import imread
 
 from upright.commands.cli import run
 from upright.core.parameters import Parameters, State
-from upright.core.task import make_task
 from upright.errors import UprightError
 from upright.plants.gazebo import server
 from upright.plants.gazebo.plant import Gazebo

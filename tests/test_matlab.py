@@ -15,7 +15,7 @@ import pytest
 from octave import HAS_COMPILER, MATLAB, octave, octave_numbers
 from octave import matrix as in_octave
 
-from upright.agents import AGENTS, MATLAB_AGENTS, named_settings
+from upright.agents import AGENTS
 from upright.commands.cli import run
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, PUBLISHED_NOISES
@@ -111,10 +111,10 @@ def test_parameters_noises_and_published_figures_are_those_of_the_package():
 
 
 @octave_is_used
-@pytest.mark.parametrize("agent", MATLAB_AGENTS)
+@pytest.mark.parametrize("agent", matlab_twin.AGENTS)
 @pytest.mark.parametrize("label", ["default", "as-published"])
 def test_settings_are_those_of_the_package(agent, label):
-    ours = named_settings(agent)
+    ours = AGENTS.settings(agent)
     ours = asdict(ours.get(label, ours["default"]))
     theirs = json.loads(
         octave(f"disp(upright.internal.to_json(upright.settings('{agent}', '{label}')))")
@@ -141,7 +141,7 @@ def test_a_run_draws_what_numpys_twister_gives():
 
 
 @octave_is_used
-@pytest.mark.parametrize("agent", MATLAB_AGENTS)
+@pytest.mark.parametrize("agent", matlab_twin.AGENTS)
 @pytest.mark.parametrize("noise", NOISES)
 def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
     case = make_case(agent, noise=noise, steps=1000, trials=60)
@@ -275,7 +275,7 @@ def test_rows_of_the_twin_stand_beside_those_of_the_package(tmp_path, capsys):
     same = ["--agents", "q-learning", "--noises", "none,sensor-5", "--runs", "3"]
     same += ["--steps", "500", "--store", str(store)]
     assert run(["matlab", "table", *same, "--format", "json"]) == 0
-    rows = [Row(**row) for row in json.loads(capsys.readouterr().out)]
+    rows = [Row.from_data(row) for row in json.loads(capsys.readouterr().out)]
     assert [row.name for row in rows] == ["q-learning (MATLAB)"] * 2
     assert rows[0].published["Report"] == 42
     expected = [len(lengths(make_case("q-learning", steps=500), 0, k)) for k in range(3)]

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import make_task
 from octave import HAS_COMPILER, MATLAB
 
 from upright.agents.q_learning import SETTINGS
 from upright.core.conditions import NOISES
 from upright.core.loops import compiled_run
-from upright.core.task import make_task
 from upright.plants.equations import equations
 from upright.studies.random_streams import twister
 

@@ -17,15 +17,15 @@ from helpers import (
     FinePlant,
     LinearAgent,
     energy,
+    make_task,
     python,
     trajectory,
 )
 
-from upright.agents import named_settings
+from upright.agents import AGENTS
 from upright.core.compiled import is_compiled
 from upright.core.loops import compiled_run
 from upright.core.parameters import Integrator, Parameters, State
-from upright.core.task import make_task
 from upright.core.trials import run
 from upright.errors import UprightError
 from upright.plants.equations import equations
@@ -282,7 +282,7 @@ def test_a_plant_does_not_leave_its_process(leave):
 
 def player(weights):
     """Return a linear policy for the compiled loop."""
-    memory = named_settings("random-search")["default"].agent(np.random.default_rng(0))
+    memory = AGENTS.settings("random-search")["default"].agent(np.random.default_rng(0))
     memory.weights[:] = np.array(weights) * memory.scales
     return Player(memory)
 
@@ -312,7 +312,7 @@ def test_what_was_learned_on_the_equations_balances_it():
 
 
 def test_a_policy_is_learned_on_it():
-    agent = named_settings("reinforce")["default"].agent(np.random.default_rng(0))
+    agent = AGENTS.settings("reinforce")["default"].agent(np.random.default_rng(0))
     lengths = outcome(compiled_run, agent, Mujoco().plant(), make_task(steps=5000, trials=300))
     assert 5000 in lengths
 
@@ -321,11 +321,11 @@ def test_machine_code_is_found_by_the_next_process(tmp_path):
     """And calls MuJoCo where the next process has it."""
     code = """
 import numpy as np
-from upright.agents import named_settings
+from upright.agents import AGENTS
 from upright.plants.mujoco import Mujoco
-from upright.core.task import make_task
+from helpers import make_task
 from upright.core.loops import compiled_run
-agent = named_settings("random-search")["default"].agent(np.random.default_rng(0))
+agent = AGENTS.settings("random-search")["default"].agent(np.random.default_rng(0))
 lengths = np.zeros(20, np.int64)
 compiled_run(agent, Mujoco().plant(), make_task(trials=20), np.random.default_rng(0), lengths,
              np.zeros(1, np.bool_))

@@ -3,14 +3,13 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant
+from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, make_task
 from scipy import stats
 
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, STARTS, Noise
 from upright.core.noise import disturb, draw_start, measure
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.core.trials import trial
 
 TRUE = State(0.7, -0.9, 0.13, -1.1)

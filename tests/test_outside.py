@@ -15,7 +15,7 @@ import pytest
 from helpers import python
 from numba._dispatcher import compute_fingerprint
 
-from upright.agents import AGENTS, named_settings, restore_settings
+from upright.agents import AGENTS
 from upright.agents.custom import CustomAgent, is_learner
 from upright.commands.cli import run
 from upright.core import loops, trials
@@ -23,7 +23,7 @@ from upright.core.compiled import CACHE_FOLDER, explain
 from upright.core.parameters import State
 from upright.environments.trial_protocol import run_learner
 from upright.errors import UprightError
-from upright.plants.equations import equations
+from upright.plants.equations import Equations, equations
 from upright.policies.files import load_policy
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
@@ -211,7 +211,7 @@ def test_a_rule_is_the_same_plain_and_compiled(noise, write, compiled_case):
     fast = make_case(compiled_case.agent, steps=300, trials=15, noise=noise)
     assert choose_loop(plain, make_run(plain, 3, 0)[0], equations()) is trials.run
     agent = make_run(fast, 3, 0)[0]
-    assert choose_loop(fast, agent, equations()) is loops.custom_run(type(agent))
+    assert choose_loop(fast, agent, equations()) is loops.custom_run(type(agent), Equations)
     assert lengths(plain) == lengths(fast)
     assert len({tuple(each) for each in lengths(fast)}) == 4
 
@@ -227,7 +227,7 @@ def test_agents_of_the_same_name_are_not_taken_for_each_other(write, compiled_ca
     for case in (compiled_case, other):
         rng, agent = random_numbers(3, 0), case.settings.agent(None)
         slow = np.zeros(15, np.int64)
-        trials.run(agent, equations(), case.task(), rng, slow, np.zeros(1, np.bool_))
+        trials.run(agent, equations(), case.spec.task(), rng, slow, np.zeros(1, np.bool_))
         assert lengths(case, runs=1) == [slow[slow > 0].tolist()]
     assert lengths(compiled_case, runs=1) != lengths(other, runs=1)
 
@@ -236,7 +236,7 @@ def test_agents_of_the_package_are_not_taken_for_each_other():
     """They share one loop, so names or fields of their memories must differ."""
     prints = {}
     for name in AGENTS:
-        memory = named_settings(name)["default"].agent(np.random.default_rng(1))
+        memory = AGENTS.settings(name)["default"].agent(np.random.default_rng(1))
         prints[compute_fingerprint(memory)] = type(memory)
     assert len(prints) == len(AGENTS)
 
@@ -550,10 +550,10 @@ def test_a_store_outlives_its_agent(write, tmp_path, capsys):
 
 def test_settings_from_outside_are_read_back(write):
     agent = f"{write(PLAIN)}:Climber"
-    settings = named_settings(agent)["default"]
-    assert restore_settings(agent, asdict(settings)) == settings == CustomAgent(agent)
+    settings = AGENTS.settings(agent)["default"]
+    assert AGENTS.restore(agent, asdict(settings)) == settings == CustomAgent(agent)
     with pytest.raises(UprightError, match="are not those of"):
-        restore_settings(agent, {"tempo": 3})
+        AGENTS.restore(agent, {"tempo": 3})
 
 
 def test_tuning_an_agent_from_outside_is_refused_in_one_line(write, capsys):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from helpers import make_task
 
-from upright.agents import named_settings
+from upright.agents import AGENTS
 from upright.commands.cli import run
 from upright.core.parameters import Parameters, State
-from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.plants import PLANTS, default_plant, describe_plant, restore_plant
+from upright.plants import PLANTS, describe_plant, restore_plant
 from upright.plants.mujoco import Mujoco
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
@@ -23,7 +23,7 @@ GO_ON = np.zeros(1, np.bool_)
 
 @pytest.mark.parametrize("name", HERE)
 def test_every_plant_keeps_the_contract(name):
-    plant, task = default_plant(name).make(make_task(), "none", 0, GO_ON)
+    plant, task = PLANTS.default(name).make(make_task(), "none", 0, GO_ON)
     assert task == make_task()
     assert plant.reset(STATE) == STATE
     first = [plant.step(10.0) for _ in range(3)]
@@ -37,7 +37,7 @@ def test_every_plant_keeps_the_contract(name):
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_a_plant_is_restored_from_data(name):
-    settings = default_plant(name)
+    settings = PLANTS.default(name)
     assert restore_plant(describe_plant(settings)) == settings
     with pytest.raises(UprightError, match="the settings 'colour' are not those of"):
         restore_plant({"name": name, "colour": 1})
@@ -46,7 +46,7 @@ def test_a_plant_is_restored_from_data(name):
 def test_a_case_knows_its_plant(tmp_path):
     cases = [
         make_case("random-search", steps=200, trials=50, plant=plant)
-        for plant in (default_plant("equations"), Mujoco(), Mujoco(0.01, "implicit"))
+        for plant in (PLANTS.default("equations"), Mujoco(), Mujoco(0.01, "implicit"))
     ]
     assert len({case.key for case in cases}) == 3
     assert [case.name for case in cases] == ["random-search"] + ["random-search (mujoco)"] * 2
@@ -67,7 +67,7 @@ def test_plain_agents_balance_other_plants():
 
 class Uncompiled:
     def agent(self, rng):
-        inner = named_settings("random-search")["default"].agent(rng)
+        inner = AGENTS.settings("random-search")["default"].agent(rng)
         names = ("begin_trial", "act", "learn", "end_trial")
         methods = {name: staticmethod(getattr(inner, name)) for name in names}
         return type("Plain", (), methods)()
@@ -108,5 +108,5 @@ def test_a_policy_learned_on_the_equations_plays_in_mujoco(tmp_path, capsys):
 
 def test_conditions_reach_mujoco():
     case = make_case("random-search", condition="friction-100", plant=Mujoco())
-    plant, _ = case.plant.make(case.task(), "none", 0, GO_ON)
+    plant, _ = case.plant.make(case.spec.task(), "none", 0, GO_ON)
     assert plant.parameters.cart_friction == pytest.approx(100 * Parameters().cart_friction)

@@ -1,12 +1,11 @@
 import numpy as np
 import pygame
 import pytest
-from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, arrays
+from helpers import GOOD_WEIGHTS, LinearAgent, RecordingPlant, ScriptedPlant, arrays, make_task
 from PIL import Image
 
 from upright.agents import AGENTS
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.pictures.picture import HEIGHT, WIDTH

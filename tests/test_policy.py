@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import LEARNED_ON
 
-from upright.agents import AGENTS, named_settings
+from upright.agents import AGENTS
 from upright.agents.reinforce import MOST_KEPT, Reinforce
 from upright.commands.cli import run
 from upright.core.parameters import Parameters, State
@@ -61,15 +61,15 @@ def test_a_policy_read_back_balances_alike(learned, tmp_path):
     assert again.task == policy.task == LEARNED_ON
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
         assert again.push_probability(point) == policy.push_probability(State(*point))
-    states = trajectory(again, case.task())
-    np.testing.assert_array_equal(states, trajectory(policy, case.task()))
+    states = trajectory(again, case.spec.task())
+    np.testing.assert_array_equal(states, trajectory(policy, case.spec.task()))
     assert len(states) > 200  # far more than without control
 
 
 def test_playing_teaches_nothing():
     case, policy = learn("reinforce")
     before = [array.copy() for array in policy.memory.network]
-    trajectory(policy, case.task()._replace(steps=100_000), seed=3)
+    trajectory(policy, case.spec.task()._replace(steps=100_000), seed=3)
     for array, old in zip(policy.memory.network, before, strict=True):
         np.testing.assert_array_equal(array, old)
 
@@ -100,10 +100,10 @@ def test_the_contract_tells_the_normalisation_by_the_settings():
         case = make_case(agent)
         memory = case.settings.agent(np.random.default_rng(0))
         told[agent] = learned_policy(case, 0, 0, memory).contract()["normalisation"]
-    settings = named_settings("reinforce")["default"]
+    settings = AGENTS.settings("reinforce")["default"]
     scales = [settings.x_scale, settings.x_dot_scale, settings.theta_scale]
     assert told["reinforce"] == {"divided by": [*scales, settings.theta_dot_scale]}
-    settings = named_settings("q-learning")["default"]
+    settings = AGENTS.settings("q-learning")["default"]
     edges = [settings.x_edges, settings.x_dot_edges, settings.theta_edges, settings.theta_dot_edges]
     assert told["q-learning"] == {"cut at": [list(some) for some in edges]}
     assert told["random-search"] == "none"
@@ -180,7 +180,7 @@ def of_agent(agent, **changes):
 
     def change(header):
         header["agent"] = agent
-        header["settings"] = asdict(named_settings(agent)["default"]) | changes
+        header["settings"] = asdict(AGENTS.settings(agent)["default"]) | changes
 
     return change_header(change)
 

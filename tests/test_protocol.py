@@ -2,14 +2,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from helpers import HARD_START, python
+from helpers import HARD_START, make_task, python
 
 import upright  # noqa: F401 - makes the environments known
-from upright.agents import named_settings
+from upright.agents import AGENTS
 from upright.agents.custom import CustomAgent
 from upright.core import trials
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.environments.trial_protocol import RunOver, TrialProtocol, run_learner
 from upright.errors import UprightError
@@ -226,7 +225,7 @@ class Driver:
 def test_an_agent_has_the_same_trials_through_gymnasium_as_in_the_loop(name, noise):
     """The same random numbers, drawn in the same order, give the same trials."""
     task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)
-    rng, settings = np.random.default_rng(4), named_settings(name)["default"]
+    rng, settings = np.random.default_rng(4), AGENTS.settings(name)["default"]
     agent = settings.agent(rng)
     env = CartPoleEnv(task.noise, task.start, task.parameters, dtype="float64")
     env.np_random = rng

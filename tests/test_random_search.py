@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from upright.agents import named_settings
+from upright.agents import AGENTS
 from upright.agents.random_search import RandomSearch
 from upright.core.parameters import State
 from upright.errors import UprightError
@@ -51,7 +51,7 @@ def test_impossible_settings_are_refused_by_name(name, value):
 
 
 def test_it_knows_only_its_default_settings():
-    assert list(named_settings("random-search")) == ["default"]
+    assert list(AGENTS.settings("random-search")) == ["default"]
     assert make_case("random-search", "as-published").label == "default"
 
 

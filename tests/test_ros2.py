@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import make_task
 
 from upright.commands.cli import run
 from upright.core.parameters import State
-from upright.core.task import make_task
 from upright.errors import UprightError
-from upright.plants import default_plant
+from upright.plants import PLANTS
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
@@ -154,7 +154,7 @@ def lengths(text):
 
 
 def make_cart():
-    return default_plant("ros2").make(make_task(), "none", 0, np.zeros(1, np.bool_))
+    return PLANTS.default("ros2").make(make_task(), "none", 0, np.zeros(1, np.bool_))
 
 
 # ---- What it is for ------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ def test_wrong_settings_are_refused(options, message, start):
 
 
 def test_a_simulator_refuses_what_it_cannot_be_set_to(simulator):
-    settings = default_plant("ros2")
+    settings = PLANTS.default("ros2")
     with pytest.raises(UprightError, match="the simulator refused: noise is 'magic'"):
         settings.make(make_task(), "magic", 0, np.zeros(1, np.bool_))
 

@@ -25,7 +25,9 @@ RUNS, SEED = 6, 11
 def table(store, cases=CASES, runs=RUNS, seed=SEED):
     """Return all that a study found out, save the time it took."""
     return {
-        case.noise: [(r.run, r.success, r.lengths.tolist()) for r in store.results(case.key, seed)]
+        case.spec.noise: [
+            (r.run, r.success, r.lengths.tolist()) for r in store.results(case.key, seed)
+        ]
         for case in cases
     }
 
@@ -36,7 +38,7 @@ def expected():
     rows = {}
     for case in CASES:
         results = [make_run(case, SEED, run)[1] for run in range(RUNS)]
-        rows[case.noise] = [(r.run, r.success, r.lengths.tolist()) for r in results]
+        rows[case.spec.noise] = [(r.run, r.success, r.lengths.tolist()) for r in results]
     return rows
 
 
@@ -74,7 +76,7 @@ def test_an_interrupted_study_continues(expected, tmp_path):
     heard = []
 
     def interrupt(case, result):
-        heard.append((case.noise, result.run))
+        heard.append((case.spec.noise, result.run))
         if len(heard) == 4:
             raise KeyboardInterrupt
 
@@ -86,7 +88,9 @@ def test_an_interrupted_study_continues(expected, tmp_path):
     held = {(noise, row[0]) for noise, rows in table(store).items() for row in rows}
     assert held == set(heard)
     resumed = []
-    study(CASES, RUNS, SEED, store, lambda case, result: resumed.append((case.noise, result.run)))
+    study(
+        CASES, RUNS, SEED, store, lambda case, result: resumed.append((case.spec.noise, result.run))
+    )
     assert not held & set(resumed), "no run is made twice"
     assert len(resumed) == len(CASES) * RUNS - 4
     assert table(store) == expected
@@ -104,12 +108,16 @@ def test_a_finished_study_is_not_repeated():
 
 def test_every_run_is_told_of_once():
     store, heard = Store(), []
-    study(CASES, RUNS, SEED, store, lambda case, result: heard.append((case.noise, result.run)))
-    assert sorted(heard) == sorted((case.noise, run) for case in CASES for run in range(RUNS))
+    study(
+        CASES, RUNS, SEED, store, lambda case, result: heard.append((case.spec.noise, result.run))
+    )
+    assert sorted(heard) == sorted((case.spec.noise, run) for case in CASES for run in range(RUNS))
 
 
 def test_runs_seeds_and_cases_differ():
-    cases = [make_case("q-learning", noise=case.noise, steps=5000, trials=20) for case in CASES]
+    cases = [
+        make_case("q-learning", noise=case.spec.noise, steps=5000, trials=20) for case in CASES
+    ]
     runs = [(case, SEED, run) for case in cases for run in range(4)]
     runs.append((cases[0], SEED + 1, 0))
     assert len({tuple(make_run(*each)[1].lengths[:20].tolist()) for each in runs}) == len(runs)
@@ -218,7 +226,7 @@ def test_unknown_settings_are_refused():
 def test_a_case_is_made_of_names_alone():
     case = make_case("q-learning", "as-published", noise="sensor-5", steps=100)
     assert isinstance(case, Case)
-    assert (case.agent, case.label, case.noise, case.steps) == (
+    assert (case.agent, case.label, case.spec.noise, case.spec.steps) == (
         "q-learning",
         "as-published",
         "sensor-5",

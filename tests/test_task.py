@@ -3,7 +3,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import GOOD_WEIGHTS, HARD_START, POOR_WEIGHTS, LinearAgent, RecordingPlant, arrays
+from helpers import (
+    GOOD_WEIGHTS,
+    HARD_START,
+    POOR_WEIGHTS,
+    LinearAgent,
+    RecordingPlant,
+    arrays,
+    make_task,
+)
 from scipy import stats
 
 from upright.agents import AGENTS
@@ -12,7 +20,7 @@ from upright.core.conditions import CONDITIONS, NOISES, STARTS
 from upright.core.loops import compiled_run
 from upright.core.noise import draw_start, measure
 from upright.core.parameters import Parameters, State
-from upright.core.task import Task, draw_plant, make_task
+from upright.core.task import Task, draw_plant
 from upright.core.trials import delay, run, trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
@@ -216,7 +224,7 @@ def test_every_run_has_a_plant_of_its_own_and_every_agent_the_same():
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_only_varied_plants_vary(condition):
     case = make_case("random-search", condition=condition)
-    varies = make_run_task(case, 7, 0) != case.task()
+    varies = make_run_task(case, 7, 0) != case.spec.task()
     assert varies == (condition == "varied-plant")
 
 

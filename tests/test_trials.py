@@ -12,14 +12,15 @@ from helpers import (
     RecordingPlant,
     ScriptedPlant,
     arrays,
+    make_task,
 )
 
-from upright.agents import AGENTS, named_settings
+from upright.agents import AGENTS
 from upright.core.cartpole import has_fallen, step
 from upright.core.compiled import is_compiled
 from upright.core.loops import compiled_run
 from upright.core.parameters import Parameters, State
-from upright.core.task import Task, make_task
+from upright.core.task import Task
 from upright.core.trials import run, trial
 from upright.plants.equations import equations
 
@@ -40,14 +41,14 @@ def go(run, agent, plant, task, seed=1, stop=False):
 
 @pytest.mark.parametrize("noise", ["none", "actuator-10", "gaussian-0.2", "all-10"])
 @pytest.mark.parametrize(
-    ("name", "settings"), [(name, label) for name in AGENTS for label in named_settings(name)]
+    ("name", "settings"), [(name, label) for name in AGENTS for label in AGENTS.settings(name)]
 )
 def test_the_compiled_loop_is_the_python_loop(name, settings, noise):
     """The same trial lengths, and the same memory to the last bit."""
     task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)
     outcomes = []
     for either in (run, compiled_run):
-        agent = named_settings(name)[settings].agent(np.random.default_rng(4))
+        agent = AGENTS.settings(name)[settings].agent(np.random.default_rng(4))
         assert is_compiled(agent)
         lengths = go(either, agent, equations(), task)
         outcomes.append((lengths, [array.tolist() for array in arrays(agent)]))
@@ -143,7 +144,7 @@ def test_a_failed_run_makes_all_its_trials():
 def test_a_compiled_run_ends_with_its_first_success():
     task = make_task(steps=200, trials=300)
     lengths = go(
-        compiled_run, named_settings("random-search")["default"].agent(None), equations(), task
+        compiled_run, AGENTS.settings("random-search")["default"].agent(None), equations(), task
     )
     assert lengths[-1] == 200
     assert max(lengths[:-1]) < 200
@@ -152,7 +153,7 @@ def test_a_compiled_run_ends_with_its_first_success():
 def test_a_failed_compiled_run_makes_all_its_trials():
     task = make_task(steps=10**9, trials=3)
     task = task._replace(parameters=HOPELESS)
-    agent = named_settings("random-search")["default"].agent(None)
+    agent = AGENTS.settings("random-search")["default"].agent(None)
     assert len(go(compiled_run, agent, equations(HOPELESS), task)) == 3
 
 
@@ -179,7 +180,7 @@ def test_a_stopped_run_makes_no_further_trial():
 
 @pytest.mark.parametrize("either", [run, compiled_run])
 def test_a_run_stopped_before_it_begins_does_nothing(either):
-    agent = named_settings("random-search")["default"].agent(None)
+    agent = AGENTS.settings("random-search")["default"].agent(None)
     assert go(either, agent, equations(), make_task(steps=10, trials=5), stop=True) == []
     assert not agent.weights.any()
 
@@ -187,7 +188,7 @@ def test_a_run_stopped_before_it_begins_does_nothing(either):
 def test_another_thread_watches_and_stops_a_compiled_run():
     task = Task(parameters=HOPELESS, steps=10**9, trials=20_000)
     lengths, stop = np.zeros(task.trials, np.int64), np.zeros(1, np.bool_)
-    agent = named_settings("random-search")["default"].agent(None)
+    agent = AGENTS.settings("random-search")["default"].agent(None)
     rng = np.random.default_rng(1)
     figures = []
 
@@ -220,7 +221,7 @@ def test_every_trial_begins_at_a_start_of_its_own(start, half_width):
 
 
 def test_a_compiled_run_leaks_no_references():
-    agent = named_settings("random-search")["default"].agent(None)
+    agent = AGENTS.settings("random-search")["default"].agent(None)
     plant, task = equations(), make_task(steps=50, trials=2)
     rng, lengths, stop = np.random.default_rng(1), np.zeros(2, np.int64), np.zeros(1, np.bool_)
     watched = [rng, rng.bit_generator, lengths, stop, plant.memory, *arrays(agent)]
@@ -234,7 +235,7 @@ def test_a_compiled_run_leaks_no_references():
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_calls_of_compiled_methods_leak_no_references(name):
-    agent, rng = named_settings(name)["default"].agent(np.random.default_rng(1)), None
+    agent, rng = AGENTS.settings(name)["default"].agent(np.random.default_rng(1)), None
     rng, state = np.random.default_rng(2), State(0.01, 0.02, 0.03, 0.04)
     watched = [agent, rng, rng.bit_generator, state, *arrays(agent)]
     counts = []

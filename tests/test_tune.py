@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helpers import python
 
-from upright.agents import AGENTS, named_settings
+from upright.agents import AGENTS
 from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
@@ -112,7 +112,7 @@ def test_choices_are_searched_where_they_are_allowed():
 @pytest.mark.parametrize("label", ["default", "as-published"])
 @pytest.mark.parametrize("agent", AGENTS)
 def test_every_agent_can_be_searched_and_both_ends_of_a_range_are_allowed(agent, label):
-    named = named_settings(agent)
+    named = AGENTS.settings(agent)
     settings = named.get(label, named["default"])
     found = search_space(settings)
     assert len(found) >= 4
@@ -326,7 +326,7 @@ def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
 @pytest.mark.parametrize("label", ["default", "as-published"])
 @pytest.mark.parametrize("agent", ["q-learning", "ase-ace", "reinforce"])
 def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
-    start = named_settings(agent)[label]
+    start = AGENTS.settings(agent)[label]
     rng = np.random.default_rng(5)
     for _ in range(10):
         drawn = {

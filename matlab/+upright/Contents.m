@@ -1,4 +1,4 @@
-% UPRIGHT  Learning to balance an inverted pendulum: the cart-pole, its noises, and two learners.
+% UPRIGHT  Learning to balance an inverted pendulum: cart-pole, noise cases, and two learners.
 %
 % Learn
 %   q_learning        tabular Q-learning, one run, readable
@@ -6,26 +6,26 @@
 %   settings          the settings of a learner
 %
 % Watch
-%   animate           the cart-pole drawn as it learns
-%   plot_learning     the learning curve
+%   animate           draw the cart-pole as it learns
+%   plot_learning     plot learning curves
 %
 % Measure
 %   run_trials        many runs at once, fast
-%   table             the report's Table II, and the seven noise cases
-%   build_mex         compile Q-learning, a hundred times as fast
+%   table             the report's tables, for the seven noise cases
+%   build_mex         compile Q-learning, which makes it a hundred times as fast
 %
 % The cart-pole
 %   parameters        masses, lengths, limits
 %   step              the equations of motion
 %   has_fallen        the end of a trial
 %   noise_case        what disturbs the force and the measured angle
-%   disturb, measure  the force that acts, the measurement that is seen
+%   disturb, measure  the applied force, and what the learner observes
 %
-% What was learned
+% Learned policies
 %   simulate          let a policy balance
-%   push_probability  what a policy does with a measurement
-%   export_policy     write a policy for Python and others
-%   import_policy     read one
+%   push_probability  evaluate a policy on a measurement
+%   export_policy     write a policy to a file, for Python and other programs
+%   import_policy     read a policy from a file
 %   rl_env            an environment for the Reinforcement Learning Toolbox (untested)
 %
-% `help upright.q_learning` explains one of them. All units are SI, all angles are radians.
+% `help upright.NAME` explains a function. All units are SI, all angles are radians.

@@ -3,23 +3,24 @@ function result = animate(agent, varargin)
 %   result = upright.animate(agent) shows the learner, 'q-learning' or 'reinforce', as it pushes
 %   the cart, falls and learns, and how many steps each trial lasted. Keys, or clicks on their
 %   names in the window: + and - change the speed, the space bar pauses, q or Esc stops, as does
-%   closing the window. result is what upright.q_learning returns; of a run that was stopped, it
-%   has the trials that had ended.
+%   closing the window. result is what upright.q_learning returns; if the run was stopped, it
+%   contains the trials that had ended.
 %   result = upright.animate(agent, name, value, ...) takes the options of upright.q_learning or
 %   upright.reinforce ('noise', 'start', 'steps', 'trials', 'seed', 'run', 'settings', 'watch'),
-%   learns the same as they do, and has options of its own:
+%   learns exactly as they do, and has these further options:
 %
-%     'speed'     how many times faster than in reality, where a step takes 0.02 s (default 1).
-%                 Inf, in a window: as fast as it learns
+%     'speed'     speed relative to real time, in which a step takes 0.02 s (default 1). In a
+%                 window, Inf shows the learner as fast as it learns
 %     'file'      '' for a window (default), or a file, which needs no display:
 %                   'learning.gif'       an animation
 %                   'picture%05d.png'    a file for each picture, numbered from 1
 %                   a folder             the same, named frame-00001.png ...
-%                   'learning.png'       the last picture alone
-%     'frames'    stop after so many pictures (default: 200 in a file, 8 seconds; Inf in a window)
+%                   'learning.png'       only the last picture
+%     'frames'    number of pictures to stop after (default: 200 in a file, which is 8 seconds;
+%                 Inf in a window)
 %
-%   There are 25 pictures a second, whatever the speed, or one for each step where these take
-%   longer. A window shows fewer where drawing is slow. A fall is never left out for the next step.
+%   There are 25 pictures a second at any speed, or one for each step if steps take longer than
+%   that. A window shows fewer pictures if drawing is slow. A fall is always shown.
 %
 %   Example:
 %     upright.animate('q-learning', 'noise', 'gaussian-0.1', 'steps', 3000, 'speed', 5);
@@ -166,11 +167,11 @@ end
 
 function result = show(window, draw, agent, passed, watch, task, own)
     PERIOD = 0.04;                                     % from picture to picture [s]
-    PATIENCE = 0.25;                                   % who is later sets his clock anew [s]
+    PATIENCE = 0.25;                                   % if later than this, reset the clock [s]
     control = struct('speed', own.speed, 'paused', false, 'stopped', false);
     began = tic();
     mark = 0;                                          % the clock was set then [s],
-    mark_steps = 0;                                    % after so many steps
+    mark_steps = 0;                                    % after this many steps
     due = 0;                                           % when the next picture is [s]
     changed = false;                                   % by a key, since the last picture
     steps = 0;
@@ -207,7 +208,7 @@ function result = show(window, draw, agent, passed, watch, task, own)
                 note = '    paused';
             end
             draw(last, lengths, note);
-            drawnow();                                 % keys and clicks come in here
+            drawnow();                                 % handles keys and clicks
         end
         changed = false;
         obey();
@@ -241,7 +242,7 @@ function result = show(window, draw, agent, passed, watch, task, own)
     end
 
     function leave()
-        % A window that nobody closed stays, as any other.
+        % A window that was not closed stays open, like any other.
         if ~control.stopped && ~isempty(shown)
             last = shown;
             update();
@@ -254,7 +255,7 @@ function result = show(window, draw, agent, passed, watch, task, own)
     end
 end
 
-% What is pressed waits in the window's UserData, until the loop looks.
+% Pressed keys wait in the window's UserData until the loop reads them.
 
 function add_controls(window)
     set(window, 'UserData', '', 'KeyPressFcn', @keep_key, 'CloseRequestFcn', @keep_end);
@@ -287,7 +288,7 @@ end
 
 function keep_end(window, ~)
     if any(get(window, 'UserData') == 'q')
-        delete(window);                                % nobody looks: the run was interrupted
+        delete(window);                                % nobody is watching: the run was interrupted
     else
         set(window, 'UserData', [get(window, 'UserData'), 'q']);
     end

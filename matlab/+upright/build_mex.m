@@ -1,9 +1,10 @@
 function build_mex(folder)
 %BUILD_MEX  Compile Q-learning: the same runs to the last bit, some thousand times as fast.
-%   upright.build_mex() makes upright.internal.q_learning_mex of matlab/mex/q_learning_mex.c, which
-%   upright.run_trials then uses. It needs a C compiler; without one everything works, only slower.
-%   upright.build_mex(folder) puts it into another folder. A session of Octave that has already used
-%   it keeps to the old one until `clear all`.
+%   upright.build_mex() builds upright.internal.q_learning_mex from matlab/mex/q_learning_mex.c.
+%   upright.run_trials then uses it. This requires a C compiler; without one, everything works, but
+%   more slowly.
+%   upright.build_mex(folder) writes it to another folder. An Octave session that has already used
+%   the compiled code keeps using the old one until `clear all`.
 %
 %   Example:
 %     upright.build_mex();
@@ -24,18 +25,18 @@ function build_mex(folder)
     source = fullfile(fileparts(here), 'mex', [name '.c']);
     place = fullfile(folder, [name '.' mexext()]);
 
-    % Elsewhere first, then under another name beside its place, where renaming is one stroke:
-    % whoever calls it meanwhile finds a whole file, the old one or the new.
+    % Build elsewhere, then copy to another name in the same folder, where renaming is atomic: a
+    % call in the meantime finds a complete file, either the old one or the new one.
     [~, unique] = fileparts(tempname());
     built = fullfile(tempdir(), [unique '.' mexext()]);
     beside = [place '.' unique];
     tidy = onCleanup(@() remove({built, beside}));
-    % Contraction would skip roundings, and give other bits than Python.
+    % Contraction would skip roundings, and give different bits than Python.
     options = {'-std=c99', '-ffp-contract=off'};
     if exist('OCTAVE_VERSION', 'builtin') > 0
         compile_in_octave(source, built, options);
     else
-        clear('mex');                              % Windows does not let a file in use be replaced
+        clear('mex');                              % on Windows, a file in use cannot be replaced
         compile_in_matlab(source, built, options);
     end
     move(built, beside);

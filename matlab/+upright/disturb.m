@@ -1,9 +1,9 @@
 function force = disturb(noise, force, draw)
-%DISTURB  The force that acts when another was asked for.
+%DISTURB  The force that acts, given the commanded force.
 %   force = upright.disturb(noise, force, draw) returns n-by-1 forces [N].
 %
 %     noise   from upright.noise_case
-%     force   n-by-1, what was asked for [N]
+%     force   n-by-1, the commanded force [N]
 %     draw    function: draw(k) returns n-by-k numbers, uniform from 0 to 1
 %
 %   Example:

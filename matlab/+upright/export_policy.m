@@ -1,9 +1,10 @@
 function export_policy(policy, file)
 %EXPORT_POLICY  Write a learned policy to a file, for Python and other programs.
-%   upright.export_policy(policy, file) writes JSON, whole or not at all: the policy as data, with
-%   what one must know to use it. In Python, `upright play policy.json` lets it balance.
+%   upright.export_policy(policy, file) writes the policy as JSON, with everything you need to know
+%   to use it. The file is written completely or not at all. `upright play policy.json` plays it in
+%   Python.
 %
-%     policy   what a learner learned: result.policy
+%     policy   a learned policy: result.policy
 %     file     name of a file that ends in .json
 %
 %   Example:

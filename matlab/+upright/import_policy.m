@@ -1,8 +1,8 @@
 function policy = import_policy(file)
-%IMPORT_POLICY  Read a policy that was learned elsewhere.
-%   policy = upright.import_policy(file) reads what upright.export_policy wrote, or in Python
-%   `upright export policy.npz policy.json`, and returns a struct for upright.simulate and
-%   upright.push_probability. Octave reads some numbers with another last bit.
+%IMPORT_POLICY  Read a learned policy from a file.
+%   policy = upright.import_policy(file) reads a file written by upright.export_policy, or by
+%   `upright export policy.npz policy.json` in Python, and returns a struct for upright.simulate
+%   and upright.push_probability. Octave may read some numbers with a different last bit.
 %
 %   Example:
 %     policy = upright.import_policy('policy.json');
@@ -35,7 +35,7 @@ function refuse(file, why)
 end
 
 function policy = tidied(policy)
-    % Undo what reading does to lists: of numbers it makes columns, of equal lists a matrix.
+    % Undo how lists are read: lists of numbers as columns, lists of equal lists as a matrix.
     if strcmp(policy.form, 'table')
         edges = policy.edges;
         if isnumeric(edges)

@@ -1,12 +1,12 @@
 function observation = measure(noise, state, draw)
-%MEASURE  What the learner sees of the true state.
+%MEASURE  What the learner observes of the true state.
 %   observation = upright.measure(noise, state, draw) returns n-by-4 measurements.
 %
 %     noise   from upright.noise_case
 %     state   n-by-4: x [m], x_dot [m/s], theta [rad], theta_dot [rad/s]
 %     draw    function: draw(k) returns n-by-k numbers, uniform from 0 to 1
 %
-%   Normal numbers are made of two uniform ones (Box & Muller, 1958).
+%   A normal random number is computed from two uniform ones (Box & Muller, 1958).
 %
 %   Example:
 %     noise = upright.noise_case('gaussian-0.1');

@@ -8,9 +8,9 @@ function [noise, names] = noise_case(name)
 %     angle_offset  standard deviation of a normal number added to the measured angle [rad]
 %
 %   The published cases are 'none', 'actuator-5', 'actuator-10', 'sensor-5', 'sensor-10',
-%   'gaussian-0.1' and 'gaussian-0.2' (variance in degrees^2); beyond them 'all-5' and 'all-10'.
-%   Noise on a measurement reaches the learner alone: the cart-pole and the test for a fall see
-%   the true state.
+%   'gaussian-0.1' and 'gaussian-0.2' (variance in degrees^2). Further cases are 'all-5' and
+%   'all-10'. Measurement noise affects only the learner: the cart-pole and the test for a fall
+%   use the true state.
 %
 %   [~, names] = upright.noise_case() returns the names of the seven published cases.
 %

@@ -1,9 +1,9 @@
 function window = plot_learning(results, varargin)
 %PLOT_LEARNING  Draw learning curves: how many steps each trial lasted.
 %   window = upright.plot_learning(results) draws a thin line for each run, its trials counted from
-%   1, and marks trials that succeeded; over several runs, their median is bold. Of a run that has
-%   succeeded all later trials count as successes in the median; one that failed counts no more
-%   after its last trial. results is what upright.run_trials, upright.q_learning,
+%   1, and marks trials that succeeded. If there are several runs, their median is bold. After a
+%   run has succeeded, all its later trials count as successes in the median; a run that failed
+%   no longer counts after its last trial. results is what upright.run_trials, upright.q_learning,
 %   upright.reinforce or upright.animate return. window is the handle of the figure.
 %   window = upright.plot_learning(results, 'file', name) writes the picture, 'name.png', 'name.pdf'
 %   or 'name.svg', and needs no display. The figure stays invisible; without an output argument it

@@ -2,12 +2,13 @@ function [right, history] = push_probability(policy, observation, history)
 %PUSH_PROBABILITY  The probability with which a learned policy pushes to the right.
 %   right = upright.push_probability(policy, observation) returns n-by-1 numbers from 0 to 1.
 %
-%     policy        what a learner learned (result.policy), or upright.import_policy
+%     policy        a learned policy (result.policy), or one from upright.import_policy
 %     observation   n-by-4 measurements: x [m], x_dot [m/s], theta [rad], theta_dot [rad/s]
 %
 %   [right, history] = upright.push_probability(policy, observation, history) is for policies that
-%   look at the past (policy.past steps of it): history is [] when a trial begins, then what the
-%   call before returned. Such a policy is sure of its push, which is taken as made.
+%   use past measurements (policy.past steps): history is [] when a trial begins, then the history
+%   returned by the previous call. Such a policy is deterministic, and its push is assumed to be
+%   applied.
 %
 %   Example:
 %     result = upright.q_learning('steps', 1000);

@@ -1,7 +1,7 @@
 function result = q_learning(varargin)
 %Q_LEARNING  Learn to balance by tabular Q-learning: one run, step by step.
-%   result = upright.q_learning() lets a learner that knows nothing of the physics balance, fall
-%   and learn, trial after trial, until a trial lasts 60,000 steps of 0.02 s.
+%   result = upright.q_learning() runs a learner that knows nothing about the physics: it balances,
+%   falls and learns, trial after trial, until a trial lasts 60,000 steps of 0.02 s.
 %   result = upright.q_learning(name, value, ...) changes these options:
 %
 %     'noise'     noise case (default 'none'; see upright.noise_case)
@@ -9,28 +9,28 @@ function result = q_learning(varargin)
 %     'steps'     N: a trial of this many steps succeeds (default 60000)
 %     'trials'    a run is at most this many trials (default 1000)
 %     'seed'      the same seed gives the same run (default 0)
-%     'run'       number of the run, from 1; each has random numbers of its own (default 1)
+%     'run'       number of the run, from 1; each has its own random numbers (default 1)
 %     'settings'  from upright.settings('q-learning')
 %     'watch'     function called after each step, go_on = watch(moment), with the fields trial,
 %                 step, state, force and fallen; the run ends once it returns false
 %
 %   result has the fields success, trials (how many there were), lengths (steps of each), policy
-%   (what was learned, see upright.simulate) and how the run was made.
+%   (what was learned, see upright.simulate) and the options of the run.
 %
-%   The measurements are cut into boxes. A table holds, for each box and push, the value to
-%   expect: 0 if the pole will stand, -gamma^k if it falls after k more moves. Each move from box
-%   b to b' under push a changes it, by the report's equation (2):
+%   The measurements are cut into boxes. A table holds the expected value of each push in each
+%   box: 0 if the pole stays up, -gamma^k if it falls after k more moves. Each move from box b to
+%   b' under push a changes this value, by the report's equation (2):
 %
 %     Q(b, a) <- (1 - alpha) Q(b, a) + alpha (r + gamma max_a' Q(b', a')),   r = -1 at the fall
 %
-%   With 'as-published' settings that happens at every step; the tuned ones keep the moves from
-%   box to box and go through them backwards when the pole has fallen (Lin, 1992).
+%   With the 'as-published' settings, this happens at every step. The tuned settings store the
+%   moves from box to box and replay them backwards after a fall (Lin, 1992).
 %
 %   Example:
 %     result = upright.q_learning('noise', 'gaussian-0.1', 'seed', 3);
 %     upright.plot_learning(result);
 %
-%   upright.run_trials makes many such runs at once, fast, with the same results.
+%   upright.run_trials makes many such runs at once. It is fast and gives the same results.
 %
 %   See also upright.reinforce, upright.run_trials, upright.animate.
     [chosen, task, draw] = upright.internal.begin_run('q-learning', varargin);
@@ -53,7 +53,7 @@ function result = q_learning(varargin)
         fallen = false;
         step = 0;
         while step < task.steps && ~fallen && watched
-            % Act: push as the better value says.
+            % Act: choose the push with the larger value.
             right = table(places(box, 2)) > table(places(box, 1));
             force = upright.disturb(task.noise, p.force * (2 * right - 1), draw);
             state = upright.step(p, state, force);

@@ -1,14 +1,14 @@
 function result = reinforce(varargin)
 %REINFORCE  Learn to balance by policy gradient: one run, step by step.
-%   result = upright.reinforce() lets the report's 4-8-16-1 network balance, fall and learn, trial
-%   after trial, until a trial lasts 60,000 steps of 0.02 s.
-%   result = upright.reinforce(name, value, ...) changes the options that upright.q_learning has:
+%   result = upright.reinforce() trains the report's 4-8-16-1 network: it balances, falls and
+%   learns, trial after trial, until a trial lasts 60,000 steps of 0.02 s.
+%   result = upright.reinforce(name, value, ...) changes the same options as upright.q_learning:
 %   'noise', 'start', 'steps', 'trials', 'seed', 'run', 'settings' (from
-%   upright.settings('reinforce')) and 'watch'. result has the same fields, too.
+%   upright.settings('reinforce')) and 'watch'. result also has the same fields.
 %
 %   The network turns a measurement into the probability of a push to the right, and the push is
-%   sampled from it. After a fall, pushes that were followed by a longer balance than expected are
-%   made more likely, the others less (R. J. Williams, Machine Learning 8, 1992):
+%   sampled from it. After a fall, pushes after which the pole stayed up longer than expected are
+%   made more likely, and the others less likely (R. J. Williams, Machine Learning 8, 1992):
 %
 %     gradient = mean over steps of  A_t grad log pi(a_t | o_t),   A_t = (G_t - V(o_t)) / RMS
 %

@@ -1,16 +1,16 @@
 function [env, step, reset] = rl_env(varargin)
 %RL_ENV  The cart-pole as an environment of MATLAB's Reinforcement Learning Toolbox. UNTESTED.
-%   env = upright.rl_env() returns an rlFunctionEnv. GNU Octave, which tests this package, lacks
-%   the toolbox: only the two functions below were ever run, never the environment itself.
+%   env = upright.rl_env() returns an rlFunctionEnv. GNU Octave, in which this package is tested,
+%   lacks the toolbox: only the two functions below have been run, never the environment itself.
 %   env = upright.rl_env('noise', 'gaussian-0.1', 'start', 'wide') changes noise case and start.
-%   [env, step, reset] = upright.rl_env(...) also returns the functions that it is made of; without
-%   the toolbox env is then [].
+%   [env, step, reset] = upright.rl_env(...) also returns the two functions that define it; without
+%   the toolbox, env is then [].
 %
 %     observation   4-by-1: x [m], x_dot [m/s], theta [rad], theta_dot [rad/s], with noise
 %     action        -10 or 10, the force [N]
 %     reward        1 for each step, 0 for the one that ends in a fall
 %
-%   Random numbers are those of rand; rng(seed) makes an experiment repeatable.
+%   Random numbers come from rand; rng(seed) makes an experiment reproducible.
 %
 %   Example:
 %     env = upright.rl_env('noise', 'sensor-5');

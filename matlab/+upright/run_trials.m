@@ -1,11 +1,11 @@
 function results = run_trials(agent, varargin)
 %RUN_TRIALS  Make many runs of a learner at once: trials, one after the other, until one succeeds.
-%   results = upright.run_trials(agent) makes 20 runs, as the report, and returns a struct array,
+%   results = upright.run_trials(agent) makes 20 runs, like the report, and returns a struct array
 %   in the order of the runs. The agent is 'q-learning', 'reinforce' or 'random-search', which
-%   draws a new linear policy for every trial, learns nothing, and is what a learner must beat.
+%   draws a new linear policy for every trial, learns nothing, and is the baseline to beat.
 %   results = upright.run_trials(agent, name, value, ...) changes these options:
 %
-%     'runs'      how many runs (default 20)
+%     'runs'      number of runs (default 20)
 %     'numbers'   which runs: a row of numbers (default 1 to the number of runs)
 %     'noise'     noise case (default 'none'; see upright.noise_case)
 %     'start'     'random': each of the four within +-0.05 (default), 'zero', or 'wide'
@@ -18,12 +18,12 @@ function results = run_trials(agent, varargin)
 %                 if upright.build_mex was called. The results are the same.
 %
 %   Each result has the fields success, trials (how many there were), lengths (steps of each),
-%   seconds (since the run before ended), policy (what was learned, see upright.simulate), and how
-%   the run was made. A run depends on its seed and number alone: it draws what rand gives after
-%   rng(1e6 * seed + run).
+%   seconds (since the previous run ended), policy (what was learned, see upright.simulate), and
+%   the options of the run. A run depends only on its seed and its number: it draws the numbers
+%   that rand gives after rng(1e6 * seed + run).
 %
 %   The runs are made in lockstep: all cart-poles advance together, a row of the state for each.
-%   With compiled C they are made one after the other.
+%   With compiled C, they are made one after the other.
 %
 %   Example:
 %     results = upright.run_trials('q-learning', 'runs', 100, 'noise', 'gaussian-0.1');

@@ -1,9 +1,9 @@
 function s = settings(agent, label)
-%SETTINGS  The settings of a learner, to be changed and handed on.
+%SETTINGS  The settings of a learner, which you can change and pass to it.
 %   s = upright.settings(agent, label) returns a struct. The agent is 'q-learning', 'reinforce' or
 %   'random-search'; the label is 'default' (tuned) or 'as-published' (the report's learning rate
 %   and discount). Names and values are those of the Python package, where `upright agents
-%   q-learning` has a sentence on each.
+%   q-learning` describes each setting.
 %
 %   Example: a learning rate of 0.2
 %     s = upright.settings('q-learning');
@@ -56,12 +56,12 @@ function s = reinforce(as_published)
         'discount', 0.99, ...          % gamma: how much less a push counts a step before the fall
         'baseline', 'fitted', ...      % returns are compared with their 'mean', or a regression
         'episodes', 8, ...             % how many of the last episodes an update learns from
-        'kept_steps', 1000, ...        % of a longer episode only the last so many steps
+        'kept_steps', 1000, ...        % only this many last steps of an episode are kept
         'epochs', 12, ...              % steps of Adam in one update
-        'stride', 3, ...               % a step of Adam looks at every stride-th kept step
+        'stride', 3, ...               % each step of Adam uses every n-th kept step
         'beta1', 0.5, ...              % Adam's beta 1
         'beta2', 0.97, ...             % Adam's beta 2
-        'weight_decay', 0.01, ...      % part of every weight that is lost at a step of Adam
+        'weight_decay', 0.01, ...      % fraction of each weight lost in a step of Adam
         'init_std', 0.6, ...           % of the first weights, times the root of the inputs' number
         'logit_scale', 3, ...          % from the last sum to the log-odds of a push to the right
         'x_scale', 3.6, ...            % what counts as one unit of input [m]

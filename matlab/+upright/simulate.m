@@ -1,28 +1,28 @@
 function trajectory = simulate(policy, varargin)
-%SIMULATE  Let a policy balance once, and return what happened.
-%   trajectory = upright.simulate(policy) begins near upright and ends by a fall or after 1,000
-%   steps of 0.02 s. The policy learns no more.
+%SIMULATE  Play a policy for one trial, and return the trajectory.
+%   trajectory = upright.simulate(policy) starts near upright and ends with a fall or after
+%   1,000 steps of 0.02 s. The policy does not learn any further.
 %   trajectory = upright.simulate(policy, name, value, ...) changes these options:
 %
 %     'noise'   noise case (default 'none'; see upright.noise_case)
 %     'start'   'random': each of the four within +-0.05 (default), 'zero', 'wide', or a state,
 %               1-by-4: x [m], x_dot [m/s], theta [rad], theta_dot [rad/s]
-%     'steps'   the most steps (default 1000)
+%     'steps'   maximum number of steps (default 1000)
 %     'seed'    the same seed gives the same trajectory (default 0)
-%     'run'     another number has other random numbers (default 1)
+%     'run'     each number has its own random numbers (default 1)
 %
-%   The policy is what a learner learned (result.policy), what upright.import_policy read, or a
+%   The policy is a learned one (result.policy), one read by upright.import_policy, or a
 %   function that returns the probability of a push to the right for a 1-by-4 measurement.
 %
-%   trajectory is a struct, k being the steps it lasted:
+%   trajectory is a struct, where k is the number of steps it lasted:
 %
 %     time           (k+1)-by-1 [s]
 %     states         (k+1)-by-4, the start first
-%     observations   (k+1)-by-4, what the policy saw
-%     forces         k-by-1, what acted [N]
+%     observations   (k+1)-by-4, what the policy observed
+%     forces         k-by-1, the applied forces [N]
 %     fallen         whether it ended by a fall
 %
-%   Example: a rule made by hand, and its picture
+%   Example: a hand-written rule, and its plot
 %     rule = @(o) double(o * [1; 1.5; 20; 3] > 0);
 %     t = upright.simulate(rule, 'start', [0 0 0.1 0]);
 %     plot(t.time, t.states(:, [1 3])); legend('x [m]', 'theta [rad]');

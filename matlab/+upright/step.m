@@ -9,7 +9,7 @@ function state = step(p, state, force)
 %
 %   These are equations (3) and (4) of the course report, with (3) divided by the total mass,
 %   as Barto, Sutton & Anderson (1983) have it and the units demand. The old velocities move
-%   the positions. Arithmetic is that of upright/cartpole.py, in the same order: the result is
+%   the positions. Arithmetic is that of upright/core/cartpole.py, in the same order: the result is
 %   the same to the last bit.
 %
 %   Example: a pole that leans by 3 degrees, pushed to the right for one step

@@ -1,19 +1,20 @@
 function rows = table(agent, varargin)
-%TABLE  Measure a learner over many runs, and print what the report printed.
-%   rows = upright.table() makes the report's Table II: 20 runs of Q-learning without noise, with a
-%   line for each run as it ends, and the table below.
+%TABLE  Measure a learner over many runs, and print the results as the report does.
+%   rows = upright.table() makes the report's Table II: 20 runs of Q-learning without noise. It
+%   prints a line for each run as it ends, followed by the table.
 %   rows = upright.table(agent, name, value, ...) measures 'q-learning' or 'reinforce', and changes
 %   these options:
 %
 %     'noises'    'none' (default), 'all': the seven published cases, or a cell of names
 %     'quiet'     whether only the table is printed (default false)
 %     'runs', 'start', 'steps', 'trials', 'seed', 'settings', 'mex'
-%                 as upright.run_trials has them
+%                 as in upright.run_trials
 %
-%   Beside the learner stands random guessing: a new linear policy for every trial, nothing
-%   learned. A learner that needs as many trials has shown nothing. In brackets stand 95 %
-%   intervals: Wilson's of the success rate, a bootstrap's (BCa) of the mean number of trials over
-%   the successful runs. Every trial counts, the successful one too; failed runs are shown.
+%   The baseline is random guessing: a new linear policy for every trial, which learns nothing. A
+%   learner that needs as many trials has not been shown to learn. The brackets contain 95 %
+%   intervals: Wilson's for the success rate, and a bootstrap interval (BCa) for the mean number of
+%   trials over the successful runs. Every trial counts, including the successful one; failed runs
+%   are shown.
 %
 %   rows is a struct array, one for each noise case: noise, runs, successes, success_ci95,
 %   mean_trials, ci95, median_trials, max_trials, guess (the same of random guessing), published

@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* ---- Elementary functions: upright/elementary.py --------------------------------------------- */
+/* ---- Elementary functions: upright/core/portable_math.py ------------------------------------- */
 
 /* sin and 1 - cos of an angle up to SMALL. */
 #define SMALL (3.141592653589793 / 8)
@@ -82,7 +82,7 @@ static inline double logarithm(double x)
     return exponent * log_2 + 2.0 * s * (1.0 + z * series);
 }
 
-/* ---- The plant: upright/cartpole.py ---------------------------------------------------------- */
+/* ---- The plant: upright/core/cartpole.py ----------------------------------------------------- */
 
 typedef struct {
     double gravity, cart_mass, pole_mass, half_length, cart_friction, pole_friction;

@@ -32,7 +32,7 @@
 #include "cartpole.h"
 #include "noise.h"
 
-/* ---- The run: upright/trials.py and agents/q_learning.py ------------------------------------- */
+/* ---- The run: upright/core/trials.py and agents/q_learning.py -------------------------------- */
 
 typedef struct {
     Parameters parameters;

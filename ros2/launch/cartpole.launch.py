@@ -1,6 +1,6 @@
-"""A simulated cart-pole, a learner that balances it, and a picture of it in RViz.
+"""Launch a simulated cart-pole, a learner that balances it and, optionally, RViz.
 
-The launch ends with the learner, or with the simulator should it fail.
+The launch shuts down when the learner ends, or if the simulator fails.
 """
 
 from pathlib import Path
@@ -18,21 +18,21 @@ from upright.support.settings import values_of
 
 SHARE = Path(__file__).parents[1]
 ARGUMENTS = {
-    "plant": "the body: equations, mujoco or gazebo",
-    "gui": "true: the plant's own window is opened; gazebo has one",
-    "noise": "noise case: what disturbs forces and measurements",
-    "lock_step": "true: each command moves the cart by one period; false: the wall clock does",
-    "agent": "who learns: one of `upright agents`, or module:name",
-    "policy": "a saved policy that balances in place of an agent; FILE.npz or FILE.json",
-    "seed": "of all random numbers",
+    "plant": "plant of the simulator: equations, mujoco or gazebo",
+    "gui": "true: open the plant's own window (gazebo only)",
+    "noise": "noise case, which disturbs forces and measurements",
+    "lock_step": "true: each command moves the cart by one period; false: it moves in real time",
+    "agent": "agent that learns: one of `upright agents`, or module:name",
+    "policy": "saved policy to play in place of an agent; FILE.npz or FILE.json",
+    "seed": "seed of all random numbers",
 }
-"""Parameters of the nodes that can be given here."""
+"""Parameters of the nodes that are also arguments of the launch file, with their descriptions."""
 NODES = {"simulator": SimulatorSettings(), "learner": LearnerSettings()}
-"""The package's own nodes, and which parameters they have."""
+"""The package's own nodes, with their default parameters."""
 
 
 def start(context: LaunchContext) -> list[Node]:
-    """Return the package's own nodes, with the parameters that were given."""
+    """Return the package's own nodes, with the parameters given as arguments."""
     nodes = []
     for name, settings in NODES.items():
         given = [
@@ -53,24 +53,24 @@ def start(context: LaunchContext) -> list[Node]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what is launched, and the arguments."""
-    # Measurements bear simulated time, which begins anew with each simulator.
+    """Return the launch description: the arguments and the nodes."""
+    # Measurements are stamped with simulated time, which starts again with each simulator.
     clock = {"use_sim_time": True}
     return LaunchDescription(
         [
             DeclareLaunchArgument(
                 "config",
                 default_value=str(SHARE / "config" / "cartpole.yaml"),
-                description="parameters of both nodes; the arguments that are given go before them",
+                description="file of parameters for both nodes; launch arguments override them",
             ),
             *(
                 DeclareLaunchArgument(
-                    name, default_value="", description=f"{meaning}; as in config unless given"
+                    name, default_value="", description=f"{meaning}; default: as in config"
                 )
                 for name, meaning in ARGUMENTS.items()
             ),
             DeclareLaunchArgument(
-                "rviz", default_value="false", description="whether RViz shows the cart"
+                "rviz", default_value="false", description="true: show the cart in RViz"
             ),
             OpaqueFunction(function=start),
             Node(

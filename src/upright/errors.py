@@ -10,6 +10,10 @@ class UprightError(ValueError):
     """A request that cannot be met; its one line says why, and what is allowed."""
 
 
+class Stopped(Exception):  # noqa: N818 - what happened, which is not an error
+    """A plant was asked to move after its run had been stopped."""
+
+
 def require(
     name: str,
     value: float,

@@ -1,7 +1,7 @@
 function interval = bootstrap_interval(values)
 %BOOTSTRAP_INTERVAL  The 95 % interval of a mean: bias-corrected and accelerated (B. Efron, 1987).
-%   The same values give the same interval, as the 9,999 resamples are drawn from a stream of their
-%   own. Of values all alike it is that value.
+%   The same values give the same interval, because the 9,999 resamples are drawn from a separate
+%   stream. If all values are equal, the interval collapses to that value.
 %
 %   Example:
 %     upright.internal.bootstrap_interval([5 9 12 30 7])

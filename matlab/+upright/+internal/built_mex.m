@@ -1,6 +1,6 @@
 function path = built_mex()
-%BUILT_MEX  Where the compiled C of Q-learning is; empty if upright.build_mex has not made it, or
-%   its sources are newer, of which a warning tells.
+%BUILT_MEX  Path of the compiled C of Q-learning; empty if upright.build_mex has not built it, or
+%   if its sources are newer, in which case a warning is given.
 %
 %   Example:
 %     upright.internal.built_mex()

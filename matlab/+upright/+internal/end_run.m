@@ -1,5 +1,5 @@
 function result = end_run(agent, chosen, success, lengths, policy)
-%END_RUN  What came of a run, as learners return it.
+%END_RUN  The result of a run, as learners return it.
 %
 %   Example:
 %     chosen = struct('noise', 'none', 'start', 'zero', 'steps', 9, 'seed', 0, 'run', 1);

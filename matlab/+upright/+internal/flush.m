@@ -1,5 +1,5 @@
 function flush()
-%FLUSH  Show what was printed now: Octave keeps it back where its output is no terminal.
+%FLUSH  Flush the output, which Octave buffers if it is not a terminal.
 %
 %   Example:
 %     fprintf('a line\n'); upright.internal.flush();

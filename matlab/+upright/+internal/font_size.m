@@ -2,8 +2,8 @@ function points = font_size(window, pixels)
 %FONT_SIZE  The FontSize in points that shows letters of a size in pixels.
 %   points = upright.internal.font_size(window, pixels)
 %
-%   MATLAB counts so many points to an inch of the screen. Octave takes a point for a pixel with
-%   its toolkit qt, and for more with gnuplot.
+%   MATLAB relates points to inches on the screen. In Octave, a point is one pixel with the toolkit
+%   qt, and more than one pixel with gnuplot.
 %
 %   Example:
 %     window = upright.internal.new_figure(false, 640, 400);

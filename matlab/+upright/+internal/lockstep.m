@@ -8,8 +8,8 @@ function lockstep(learners, task, random, count, on_end)
 %                 learn(runs, right, observation, fallen)    after each step
 %                 end_trial(runs)                            after falls
 %                 policy(run)                                what was learned
-%                 forget()                                   at the end: Octave keeps the memory of
-%                                                            nested functions for ever
+%                 forget()                                   at the end: Octave never frees the
+%                                                            memory of nested functions
 %               and patience: how many steps a fallen run waits for others to fall, so that more
 %               of them learn at once.
 %     task      from upright.internal.make_task
@@ -17,7 +17,7 @@ function lockstep(learners, task, random, count, on_end)
 %     count     number of runs
 %     on_end    function called with run, success, lengths, policy as each run ends
 %
-%   What a run does hangs on no other, nor on when it learns: each has its own random numbers.
+%   A run does not depend on the others or on when it learns: each has its own random numbers.
 %
 %   Example: see upright.run_trials, which uses it.
     p = task.parameters;

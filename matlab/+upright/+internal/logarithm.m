@@ -1,7 +1,7 @@
 function y = logarithm(x)
 %LOGARITHM  Natural logarithm of positive numbers, to a relative 1e-15; the same bits everywhere.
 %   x = m 2^e with m from sqrt(1/2) to sqrt(2); log m = 2 artanh s by its series, where
-%   s = (m - 1) / (m + 1). As upright/elementary.py.
+%   s = (m - 1) / (m + 1). As upright/core/portable_math.py.
 %
 %   Example:
 %     upright.internal.logarithm(0.5)

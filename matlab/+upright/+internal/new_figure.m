@@ -1,9 +1,9 @@
 function window = new_figure(shown, width, height)
 %NEW_FIGURE  A white figure without menus: a window, or one to be written to a file.
 %   window = upright.internal.new_figure(shown, width, height) has the given size in pixels. In
-%   Octave it takes the graphics toolkit that suits: gnuplot draws without a display, but knows no
-%   keys. The user's toolkit and current figure stay what they are. Without a display, there is
-%   an error if it is to be shown.
+%   Octave, it uses the suitable graphics toolkit: gnuplot draws without a display, but does not
+%   support keys. The user's toolkit and current figure do not change. If the figure is to be
+%   shown but there is no display, an error is raised.
 %
 %   Example:
 %     window = upright.internal.new_figure(false, 640, 400);

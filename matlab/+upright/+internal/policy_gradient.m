@@ -7,8 +7,8 @@ function memory = policy_gradient(s, memory, episode)
 %
 %   A_t is the return less a baseline V, over its root mean square: 'fitted' V is a regression on
 %   a constant and the products of two inputs, 'mean' V the mean return. w_t, at most 1, is how
-%   much more likely the present policy makes the push than the one that made it. A step of Adam
-%   looks at every s.stride-th row, in turn; weights decay a little with each.
+%   much more likely the push is under the present policy than under the one that made it. A step
+%   of Adam uses every s.stride-th row, in turn, and lets the weights decay a little.
 %
 %     s         from upright.settings('reinforce')
 %     memory    from upright.internal.new_network, or from here

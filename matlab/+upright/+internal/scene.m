@@ -1,7 +1,7 @@
 function draw = scene(window, p, about, steps, finer)
 %SCENE  The picture of a cart-pole that learns: draws it once, then moves what moves.
 %   draw = upright.internal.scene(window, p, about, steps, finer) returns a function:
-%   draw(moment, lengths, note) shows a moment, as learners tell it to those who watch.
+%   draw(moment, lengths, note) shows a moment, as learners pass it to 'watch' functions.
 %
 %     window    figure, 640 by 400 pixels, or finer times as large
 %     p         parameters, from upright.parameters
@@ -9,7 +9,7 @@ function draw = scene(window, p, about, steps, finer)
 %     steps     a trial of this many steps succeeds
 %     finer     how many times larger letters and lines are drawn
 %     lengths   steps of each trial that has ended
-%     note      what else is to be told, such as the speed
+%     note      further text, such as the speed
 %
 %   Example:
 %     window = upright.internal.new_figure(true, 640, 400);

@@ -1,6 +1,6 @@
 function [sine, cosine, rest] = sine_cosine(angle)
 %SINE_COSINE  sin and cos of angles [rad], to 2e-15; the same bits on every system.
-%   [sine, cosine] = upright.internal.sine_cosine(angle) takes any array. As upright/elementary.py:
+%   [sine, cosine] = upright.internal.sine_cosine(angle) takes any array. As upright/core/portable_math.py:
 %   up to pi/8 a Taylor series; beyond, whole turns are removed, and an eighth of the rest is
 %   doubled three times. MATLAB, Octave and Python have other libraries, whose last bits differ,
 %   which an unstable cart-pole soon turns into another trajectory.

@@ -1,8 +1,8 @@
 function study(agent, label, noise, start, steps, trials, seed, runs)
-%STUDY  Make runs and print each as a line of JSON, for the program that asked for them.
+%STUDY  Make runs and print each as a line of JSON, for the program that requested them.
 %   upright.internal.study(agent, label, noise, start, steps, trials, seed, runs), where label is
 %   'default' or 'as-published' and runs a row of numbers, from 1. A line begins with 'upright '. In
-%   Octave it stops when the program is gone that started it, as soon as a run has ended.
+%   Octave, it stops after the current run if the program that started it has ended.
 %
 %   Example:
 %     upright.internal.study('q-learning', 'default', 'none', 'random', 1000, 1000, 0, [1 2])

@@ -1,5 +1,5 @@
 function go_on = watch(chosen, trial, step, state, force, fallen)
-%WATCH  Tell whoever watches a run of a step; return whether the run goes on.
+%WATCH  Pass a step of a run to its 'watch' function; return whether the run continues.
 %
 %   Example:
 %     upright.internal.watch(struct('watch', []), 1, 1, [0 0 0 0], 10, false)    % 1

@@ -1,8 +1,8 @@
 function write_whole(path, write)
-%WRITE_WHOLE  Write a file so that it is whole, or stays what it was.
-%   upright.internal.write_whole(path, write) calls write(part), which writes a file of another
-%   name in the same folder, and then gives it its name, in one stroke. With an empty write
-%   nothing is left behind: it only finds out whether the folder can be written.
+%WRITE_WHOLE  Write a file completely, or leave it unchanged.
+%   upright.internal.write_whole(path, write) calls write(part), which writes a file under another
+%   name in the same folder, and then renames it atomically. If write is empty, nothing is left
+%   behind: the function only checks whether the folder is writable.
 %
 %   Example:
 %     upright.internal.write_whole('ones.png', @(part) imwrite(ones(9), part));

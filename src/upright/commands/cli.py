@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright import __version__
-from upright.agents import AGENTS, MATLAB_AGENTS
+from upright.agents import AGENTS
 from upright.core.conditions import PUBLISHED_NOISES, RUNS, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.errors import UprightError
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED, exit_status
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from upright.plants.settings import PlantSettings
     from upright.studies.case import Case
 
+MATLAB_AGENTS = ("q-learning", "reinforce", "random-search")
 TASK_HELP = f"""\
 noise cases: {", ".join(PUBLISHED_NOISES)}
   (published), all-5, all-10 (all four measurements); "all" means the published seven.
@@ -144,11 +145,6 @@ SHARED: dict[str, dict[str, Any]] = {
         "metavar": "NAME",
         "help": "random: each of the four within ±0.05 (default); zero; or wide: angles to 6°",
     },
-    "--integrator": {
-        "default": "euler",
-        "metavar": "NAME",
-        "help": "euler (default, as published), semi-implicit or rk4",
-    },
     "--condition": {
         "default": "nominal",
         "metavar": "NAME",
@@ -191,7 +187,7 @@ SHARED: dict[str, dict[str, Any]] = {
 }
 """Options that several commands have."""
 PLANT = ("--plant", "--plant-set")
-TASK = ("--steps", "--trials", "--start", "--integrator", "--condition", "--seed", "--settings")
+TASK = ("--steps", "--trials", "--start", "--condition", "--seed", "--settings")
 
 
 def _add_shared(parser: Parser, *names: str) -> None:
@@ -253,7 +249,7 @@ exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked f
     parser.add_argument(
         "policy", metavar="POLICY", help="a policy saved by learn --save, or exported as .json"
     )
-    for part in ("noise", "start", "integrator", "condition"):
+    for part in ("noise", "start", "condition"):
         parser.add_argument(f"--{part}", metavar="NAME", help=f"another {part}")
     parser.add_argument(
         "--episodes", type=int, metavar="N", help="trials to play (default 10, with pictures 1)"
@@ -547,7 +543,7 @@ another program. Q-learning is some hundred times as fast once upright.build_mex
     _add_shared(parser, "--noises", "--runs", "--steps", "--trials", "--start", "--seed")
     _add_shared(parser, "--settings", "--store", "--format", "--output")
     parser.set_defaults(command=table, language="MATLAB")
-    parser.set_defaults(integrator="euler", condition="nominal", plant="equations")
+    parser.set_defaults(condition="nominal", plant="equations")
     parser.set_defaults(plant_changes=[])
     parser = _command(
         parts,
@@ -786,14 +782,14 @@ def gazebo_view(options: argparse.Namespace) -> int:
 
     check_study(1, options.seed)
     policy = load_policy(options.policy, options.agent)
-    changes = {"steps": options.steps, "integrator": "euler"}
+    changes = {"steps": options.steps}
     changes |= {"noise": options.noise} if options.noise else {}
     case = case_for(policy, plant=Gazebo(gui=True, real_time_factor=1.0), **changes)
     if options.screenshot:
 
         def play_there(stop: np.ndarray) -> None:
             plant, _ = make_plant(case, options.seed, 0, stop)
-            play_run(policy, case, options.seed, plant, np.zeros(case.trials, np.int64), stop)
+            play_run(policy, case, options.seed, plant, np.zeros(case.spec.trials, np.int64), stop)
 
         photograph(play_there, check_output(options.screenshot))
         print(f"picture: {options.screenshot}")
@@ -823,8 +819,8 @@ def learn(options: argparse.Namespace) -> int:
         case, options.seed, options.run, quiet=options.quiet, twister=options.twister
     )
     if options.plot:
-        title = f"{case.agent}, {case.noise}, seed {options.seed}, run {options.run}"
-        save(plot_curve(result.lengths, case.steps, title), options.plot)
+        title = f"{case.agent}, {case.spec.noise}, seed {options.seed}, run {options.run}"
+        save(plot_curve(result.lengths, case.spec.steps, title), options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
         from upright.studies.learned import save_learned
@@ -846,14 +842,13 @@ def play(options: argparse.Namespace) -> int:
     drawn = options.window or options.video is not None
     episodes, steps = (1, 1_000) if drawn else (10, STEPS)
     episodes = episodes if options.episodes is None else options.episodes
-    names = ("noise", "start", "integrator", "condition", "steps")
+    names = ("noise", "start", "condition", "steps")
     given = {name: getattr(options, name) for name in names}
     changes = {name: value for name, value in given.items() if value is not None}
     policy = load_policy(options.policy, options.agent)
-    plant = _plant(options)
-    if plant.name != "equations":
-        changes = {"integrator": "euler"} | changes  # that it learned with is the equations' own
-    case = case_for(policy, plant=plant, **{"steps": steps} | changes)
+    if options.plant != "equations" or options.plant_changes:
+        changes["plant"] = _plant(options)
+    case = case_for(policy, **{"steps": steps} | changes)
     require("episodes", episodes, 1, 10**6, whole=True)
     check_study(episodes, options.seed)
     if options.video is not None:
@@ -875,15 +870,15 @@ def _changed_case(options: argparse.Namespace, noise: str | None = None) -> "Cas
 
 
 def _plant(options: argparse.Namespace) -> "PlantSettings":
-    from upright.plants import default_plant
+    from upright.plants import PLANTS
     from upright.support.settings import change_settings, pairs
 
     changes = dict(pairs("--plant-set", options.plant_changes))
-    return change_settings(default_plant(options.plant), changes)
+    return change_settings(PLANTS.default(options.plant), changes)
 
 
 def _task(options: argparse.Namespace) -> dict[str, Any]:
-    names = ("start", "steps", "trials", "integrator", "condition")
+    names = ("start", "steps", "trials", "condition")
     return {"plant": _plant(options), **{name: getattr(options, name) for name in names}}
 
 
@@ -1009,7 +1004,9 @@ def plot(options: argparse.Namespace) -> int:
     else:
         curves = options.what == "curves"
         found = stored(options.source)
-        learned = [(case, runs) for case, _, runs in found if case.noise == "none" or not curves]
+        learned = [
+            (case, runs) for case, _, runs in found if case.spec.noise == "none" or not curves
+        ]
         if not learned:
             raise UprightError(f"store is {options.source!r}; it holds no runs to draw")
         figure = plots.plot_curves(learned) if curves else plots.plot_trials(learned)
@@ -1030,11 +1027,9 @@ def export(options: argparse.Namespace) -> int:
 
 def agents(options: argparse.Namespace) -> int:
     """Carry out `upright agents`."""
-    from upright.agents import named_settings, summarise_agent
-
     for agent in [options.agent] if options.agent else AGENTS:
-        named = named_settings(agent)
-        print(f"{agent}: {summarise_agent(agent)}")
+        named = AGENTS.settings(agent)
+        print(f"{agent}: {AGENTS.summary(agent)}")
         if options.agent:
             _print_settings(named)
     return 0
@@ -1042,11 +1037,11 @@ def agents(options: argparse.Namespace) -> int:
 
 def plants(options: argparse.Namespace) -> int:
     """Carry out `upright plants`."""
-    from upright.plants import PLANTS, default_plant, summarise_plant
+    from upright.plants import PLANTS
 
     for plant in [options.plant] if options.plant else PLANTS:
-        default = default_plant(plant)
-        print(f"{plant}: {summarise_plant(plant)}")
+        default = PLANTS.default(plant)
+        print(f"{plant}: {PLANTS.summary(plant)}")
         if options.plant:
             _print_settings({"default": default})
     return 0

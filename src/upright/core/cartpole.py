@@ -5,9 +5,28 @@ The equations are those of Barto, Sutton & Anderson (IEEE Trans. SMC 13, 1983), 
 (3) without the division by the total mass, which the units demand.
 """
 
+from enum import IntEnum
+
 from upright.core.compiled import compiled, inlined
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.parameters import Parameters, State
 from upright.core.portable_math import sine_cosine, small_sine_cosine
+
+
+class Integrator(IntEnum):
+    """How the equations of motion advance by one time step."""
+
+    EULER = 0
+    """Explicit Euler: the old velocities move the positions. The published tables use it."""
+    SEMI_IMPLICIT = 1
+    """Semi-implicit Euler: the new velocities move the positions."""
+    RK4 = 2
+    """Classical Runge-Kutta of order 4, the force held over the step."""
+
+
+INTEGRATORS = {each.name.lower().replace("_", "-"): each for each in Integrator}
+"""The integrators by name."""
+EULER = int(Integrator.EULER)
+"""As a plain number, which calls pass on faster."""
 
 
 @compiled
@@ -101,12 +120,18 @@ def _rk4(parameters: Parameters, state: State, force: float) -> State:
 
 
 @compiled
-def step(parameters: Parameters, state: State, force: float) -> State:
-    """Return the state one time step later, the force [N] acting throughout."""
-    if parameters.integrator == Integrator.RK4:
+def step(parameters: Parameters, state: State, force: float, integrator: int = EULER) -> State:
+    """Return the state one time step later, the force [N] acting throughout.
+
+    Parameters
+    ----------
+    integrator
+        An `Integrator`, as a number.
+    """
+    if integrator == Integrator.RK4:
         return _rk4(parameters, state, force)
     acceleration = accelerations(parameters, state, force)
-    if parameters.integrator == Integrator.SEMI_IMPLICIT:
+    if integrator == Integrator.SEMI_IMPLICIT:
         return _semi_implicit(parameters, state, acceleration)
     return _euler(parameters, state, acceleration)
 

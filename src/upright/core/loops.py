@@ -1,12 +1,13 @@
-"""The loop in the forms that agents and plants call for: compiled, bound, for custom agents."""
+"""The loop in the forms that agents and plants call for: compiled, bound, or for custom code."""
 
+from collections.abc import Callable
 from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from upright.core.compiled import Compiled, compiled, machine_code
+from upright.core.compiled import Compiled, compiled, is_compiled, machine_code
 from upright.core.contracts import Plant
 from upright.core.parameters import State
 from upright.core.task import Task
@@ -21,10 +22,10 @@ def bound_run(
     lengths: np.ndarray,
     stop: np.ndarray,
 ) -> int:
-    """Do the same with a compiled agent and a plant that compiled code cannot move.
+    """Do what `run` does with a compiled agent and a plant that compiled code cannot move.
 
-    All machine code is there before the first trial, as a body that moves by the wall clock would
-    not wait for it, and is called as it stands, which takes a third of the time.
+    Compiles everything before the first trial, because a real-time plant will not wait, and calls
+    the machine code directly, which is three times as fast.
     """
     state = State(0.0, 0.0, 0.0, 0.0)
     calls: dict[str, tuple[Any, ...]] = {
@@ -46,11 +47,27 @@ compiled_run = compiled(run)
 
 
 @cache
-def custom_run(kind: type) -> Compiled:  # noqa: ARG001 - the cache tells kinds apart by it
-    """Return the loop for a compiled agent from outside, whose changes no cache would notice.
+def custom_run(agent: type, plant: type) -> Compiled:  # noqa: ARG001 - the cache tells them apart
+    """Return the compiled loop for code outside the package, whose changes no cache would notice.
 
-    Every kind of agent has its own: called from Python, a compiled function tells NamedTuples apart
-    by the names of the class and its fields and by their types alone, and would take an agent for
-    another of the same form. (Within the package, a test compares them.)
+    Every pair of kinds has its own loop: called from Python, a compiled function tells NamedTuples
+    apart by the names of the class and its fields and by their types alone, and would take an agent
+    for another of the same form. (Within the package, a test compares them.)
     """
     return Compiled(run, kept=False)
+
+
+def loop_for(agent: Any, plant: Any, *, kept: bool) -> Callable[..., int]:
+    """Return the loop that moves this agent and this plant fastest.
+
+    Parameters
+    ----------
+    kept
+        Whether machine code may be kept on disk: agent and plant are both of this package.
+    """
+    if not is_compiled(agent):
+        return run
+    if not is_compiled(plant):
+        return bound_run
+    kinds: Any = type(agent), type(plant)
+    return compiled_run if kept else custom_run(*kinds)

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from upright.core.cartpole import step, step_small
+from upright.core.cartpole import EULER, Integrator, step, step_small
 from upright.core.compiled import compiled
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.parameters import Parameters, State
 from upright.core.portable_math import SMALL
 
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -15,37 +15,48 @@ PART = 512
 """Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
 
 
-def _loop(advance: Callable[[Parameters, State, float], State]) -> Callable[..., None]:
+@compiled
+def _step_small(parameters: Parameters, state: State, force: float, _integrator: int) -> State:
+    return step_small(parameters, state, force)
+
+
+def _loop(advance: Callable[[Parameters, State, float, int], State]) -> Callable[..., None]:
     """Return a loop over many cart-poles, written once for the steps that it is made for."""
 
     @compiled
-    def loop(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
+    def loop(parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int) -> None:
         x, x_dot, theta, theta_dot = states
         for i in range(len(forces)):
-            before = State(x[i], x_dot[i], theta[i], theta_dot[i])
-            x[i], x_dot[i], theta[i], theta_dot[i] = advance(parameters, before, forces[i])
+            previous = State(x[i], x_dot[i], theta[i], theta_dot[i])
+            x[i], x_dot[i], theta[i], theta_dot[i] = advance(
+                parameters, previous, forces[i], integrator
+            )
 
     return loop
 
 
-_small_loop, _any_loop = _loop(step_small), _loop(step)
+_small_loop, _any_loop = _loop(_step_small), _loop(step)
 
 
 @compiled
-def step_part(parameters: Parameters, states: Rows, forces: np.ndarray) -> None:
+def step_part(
+    parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int = EULER
+) -> None:
     """Advance at most PART cart-poles, given the four rows of their states, as `step_many` does."""
     theta = states[2]
     others = 0
     for i in range(len(theta)):
         others += 1 if abs(theta[i]) > SMALL else 0
-    if others == 0 and parameters.integrator == Integrator.EULER:
-        _small_loop(parameters, states, forces)
+    if others == 0 and integrator == Integrator.EULER:
+        _small_loop(parameters, states, forces, integrator)
     else:
-        _any_loop(parameters, states, forces)
+        _any_loop(parameters, states, forces, integrator)
 
 
 @compiled
-def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) -> None:
+def step_many(
+    parameters: Parameters, states: np.ndarray, forces: np.ndarray, integrator: int = EULER
+) -> None:
     """Advance many independent cart-poles by one time step, in place.
 
     Each ends in the same state as `step` gives, to the last bit.
@@ -56,6 +67,8 @@ def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) ->
         Shape (4, n), float64, rows in the order of `State`.
     forces
         Shape (n,), force on each cart [N].
+    integrator
+        An `Integrator`, as a number.
     """
     for first in range(0, len(forces), PART):
         end = min(first + PART, len(forces))
@@ -65,4 +78,4 @@ def step_many(parameters: Parameters, states: np.ndarray, forces: np.ndarray) ->
             states[2, first:end],
             states[3, first:end],
         )
-        step_part(parameters, part, forces[first:end])
+        step_part(parameters, part, forces[first:end], integrator)

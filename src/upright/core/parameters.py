@@ -6,10 +6,11 @@ along +x.
 """
 
 import math
-from enum import IntEnum
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from upright.errors import UprightError, require
+from upright.errors import UprightError, require, require_one_of
+from upright.support.settings import pairs
 
 
 class State(NamedTuple):
@@ -23,17 +24,6 @@ class State(NamedTuple):
     """Pole angle from upright [rad]."""
     theta_dot: float
     """Angular velocity of the pole [rad/s]."""
-
-
-class Integrator(IntEnum):
-    """How the equations of motion advance by one time step."""
-
-    EULER = 0
-    """Explicit Euler: the old velocities move the positions. The published tables use it."""
-    SEMI_IMPLICIT = 1
-    """Semi-implicit Euler: the new velocities move the positions."""
-    RK4 = 2
-    """Classical Runge-Kutta of order 4, the force held over the step."""
 
 
 class Parameters(NamedTuple):
@@ -59,12 +49,10 @@ class Parameters(NamedTuple):
     """A trial ends when the cart is further than this from the middle [m]."""
     angle_limit: float = math.radians(12)
     """A trial ends when the pole leans further than this [rad]."""
-    integrator: int = int(Integrator.EULER)
-    """How one time step is computed: an `Integrator`, as a number, which calls pass on faster."""
 
 
 def check_parameters(parameters: Parameters) -> Parameters:
-    """Return `parameters`, or raise an error that names the impossible value.
+    """Return `parameters` with every value as a float, or raise an error that names the bad one.
 
     Raises
     ------
@@ -72,14 +60,43 @@ def check_parameters(parameters: Parameters) -> Parameters:
         If a value is not finite, a friction is negative, or another quantity is not positive.
     """
     for name, value in parameters._asdict().items():
-        if name == "integrator":
-            continue
         zero_allowed = name in ("cart_friction", "pole_friction", "gravity")
         require(name, value, 0, above=not zero_allowed)
-    try:
-        return parameters._replace(integrator=int(Integrator(parameters.integrator)))
-    except ValueError:
-        names = ", ".join(f"{int(i)} ({i.name})" for i in Integrator)
-        raise UprightError(
-            f"integrator is {parameters.integrator!r}; it must be one of {names}"
-        ) from None
+    return Parameters(*map(float, parameters))
+
+
+def make_parameters(changes: Mapping[str, float]) -> Parameters:
+    """Return the published parameters but for some that are given by name.
+
+    Raises
+    ------
+    UprightError
+        If there is no such parameter, or its value is impossible.
+    """
+    for name in changes:
+        require_one_of("parameter", name, Parameters._fields)
+    return check_parameters(Parameters()._replace(**changes))
+
+
+def parse_parameters(texts: Iterable[str], option: str = "parameters") -> dict[str, float]:
+    """Return the parameters that texts like NAME=VALUE give.
+
+    Raises
+    ------
+    UprightError
+        If there is no such parameter, or its value is not a number; `option` gave the texts.
+    """
+    values = {}
+    for name, text in pairs(option, texts):
+        require_one_of("parameter", name, Parameters._fields)
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise UprightError(f"{name} is {text!r}; it must be a number") from None
+    return values
+
+
+def changed_parameters(parameters: Parameters) -> dict[str, float]:
+    """Return by name the parameters that differ from the published ones."""
+    published = Parameters()._asdict()
+    return {name: value for name, value in parameters._asdict().items() if value != published[name]}

@@ -1,12 +1,23 @@
-"""What a run is: a plant, a noise case, a start, and when a trial and a run end."""
+"""What a run is: a plant, a noise case, a start, and when a trial and a run end.
 
-from typing import NamedTuple
+`TaskSpec` says it in names, for people; `Task` in numbers, for the loop.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS, Noise
-from upright.core.parameters import Integrator, Parameters, State, check_parameters
-from upright.errors import require, require_one_of
+from upright.core.parameters import (
+    Parameters,
+    State,
+    changed_parameters,
+    check_parameters,
+    make_parameters,
+)
+from upright.errors import UprightError, require, require_one_of
 
 
 class Task(NamedTuple):
@@ -26,37 +37,85 @@ class Task(NamedTuple):
     """How many steps pass before a push acts; until the first arrives, none does."""
 
 
-def make_task(
-    noise: str = "none",
-    start: str = "random",
-    steps: int = STEPS,
-    trials: int = TRIALS,
-    integrator: str = "euler",
-    condition: str = "nominal",
-) -> Task:
-    """Return the task with these named parts.
+@dataclass(frozen=True)
+class TaskSpec:
+    """A task as people name it: what options, stores, policies and tables hold.
 
     Raises
     ------
     UprightError
-        If a name is unknown or a number is not a whole one of at least 1.
+        If a name is unknown, a number is not a whole one in its range, or a parameter is
+        impossible.
+
+    Examples
+    --------
+    >>> from upright.core.task import TaskSpec
+    >>> spec = TaskSpec(noise="gaussian-0.1", condition="delay-1", steps=600)
+    >>> spec.task().delay, spec.task().parameters.half_length
+    (1, 0.5)
     """
-    integrators = {i.name.lower().replace("_", "-"): i for i in Integrator}
-    require_one_of("noise", noise, NOISES)
-    require_one_of("start", start, STARTS)
-    require_one_of("integrator", integrator, integrators)
-    require_one_of("condition", condition, CONDITIONS)
-    require("steps", steps, 1, 10**9, whole=True)
-    require("trials", trials, 1, 10**6, whole=True)
-    differs = CONDITIONS[condition]
-    parameters = Parameters(integrator=integrators[integrator])
-    parameters = parameters._replace(
-        cart_friction=differs.friction * parameters.cart_friction,
-        pole_friction=differs.friction * parameters.pole_friction,
-    )
-    measured = NOISES[noise]._replace(hides_velocities=differs.hides_velocities)
-    parameters = check_parameters(parameters)
-    return Task(parameters, measured, STARTS[start], steps, trials, differs.delay)
+
+    noise: str = "none"
+    """Name of the noise case."""
+    start: str = "random"
+    """Name of the start."""
+    condition: str = "nominal"
+    """Name of the condition."""
+    steps: int = STEPS
+    """N: a trial that lasts this many steps without a fall succeeds."""
+    trials: int = TRIALS
+    """A run is at most this many consecutive trials."""
+    parameters: Parameters = Parameters()
+    """The parameters of the plant."""
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names and impossible numbers."""
+        require_one_of("noise", self.noise, NOISES)
+        require_one_of("start", self.start, STARTS)
+        require_one_of("condition", self.condition, CONDITIONS)
+        require("steps", self.steps, 1, 10**9, whole=True)
+        require("trials", self.trials, 1, 10**6, whole=True)
+        object.__setattr__(self, "parameters", check_parameters(self.parameters))
+
+    def task(self) -> Task:
+        """Return the task in numbers; where every run has its own plant, with the nominal one."""
+        differs, parameters = CONDITIONS[self.condition], self.parameters
+        parameters = parameters._replace(
+            cart_friction=differs.friction * parameters.cart_friction,
+            pole_friction=differs.friction * parameters.pole_friction,
+        )
+        noise = NOISES[self.noise]._replace(hides_velocities=differs.hides_velocities)
+        start = STARTS[self.start]
+        return Task(parameters, noise, start, self.steps, self.trials, differs.delay)
+
+    @property
+    def time_step(self) -> float:
+        """Time between two pushes [s]."""
+        return self.parameters.time_step
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the task by names as JSON takes it; of the parameters, those that are changed."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return values | {"parameters": changed_parameters(self.parameters)}
+
+    @classmethod
+    def from_data(cls, values: Mapping[str, Any]) -> "TaskSpec":
+        """Return the task that `as_data` described; names that are missing have their defaults.
+
+        Raises
+        ------
+        UprightError
+            If a name is unknown, or a value is impossible.
+        """
+        values = dict(values)
+        parameters = values.pop("parameters", {})
+        for name in values:
+            require_one_of("part of a task", name, [field.name for field in fields(cls)])
+        if isinstance(parameters, Mapping):
+            parameters = make_parameters(parameters)
+        elif not isinstance(parameters, Parameters):
+            raise UprightError(f"parameters is {parameters!r}; it must map names to numbers")
+        return cls(**values, parameters=parameters)
 
 
 def draw_plant(parameters: Parameters, rng: np.random.Generator) -> Parameters:

@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 from numpy.typing import NDArray
 
-from upright.core.cartpole import has_fallen
+from upright.core.cartpole import INTEGRATORS, has_fallen
 from upright.core.conditions import NOISES, STARTS, Noise
-from upright.core.parameters import Parameters, State, check_parameters
+from upright.core.parameters import Parameters, State, check_parameters, make_parameters
 from upright.environments import batch
 from upright.environments.batch import (
     Rules,
@@ -32,6 +32,7 @@ def make_rules(
     noise: str | Noise = "none",
     start: str | State = "random",
     parameters: Parameters | Mapping[str, Any] | None = None,
+    integrator: str = "euler",
     reward: str = "survival",
     steps: int = NO_LIMIT,
     autoreset: int = batch.NEXT_STEP,
@@ -53,13 +54,12 @@ def make_rules(
         for name in _numbers(values):
             require(f"{label}.{name}", getattr(values, name), 0)
     if not isinstance(parameters, Parameters):
-        for name in parameters or {}:
-            require_one_of("parameter", name, Parameters._fields)
-        parameters = Parameters()._replace(**(parameters or {}))
-    parameters = check_parameters(parameters)
+        parameters = make_parameters(parameters or {})
+    require_one_of("integrator", integrator, INTEGRATORS)
     require_one_of("reward", reward, REWARDS)
     return Rules(
-        _in_floats(parameters),
+        check_parameters(parameters),
+        int(INTEGRATORS[integrator]),
         _in_floats(noise),
         _in_floats(start),
         *REWARDS[reward],
@@ -69,7 +69,7 @@ def make_rules(
 
 
 def _numbers(values: Any) -> list[str]:
-    return [name for name in values._fields if name not in ("integrator", "hides_velocities")]
+    return [name for name in values._fields if name != "hides_velocities"]
 
 
 def _in_floats(values: Any) -> Any:

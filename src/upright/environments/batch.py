@@ -26,6 +26,8 @@ class Rules(NamedTuple):
     """What all lanes have in common."""
 
     parameters: Parameters
+    integrator: int
+    """An `Integrator`, as a number."""
     noise: Noise
     start: State
     """Half-widths of the start state."""
@@ -268,7 +270,8 @@ def push(rules, lanes, actions, first, end):
 @compiled
 def move(rules, lanes, first, end):
     """Move the cart-poles of a part."""
-    step_part(rules.parameters, rows(lanes.states, first, end), lanes.forces[: end - first])
+    states, forces = rows(lanes.states, first, end), lanes.forces[: end - first]
+    step_part(rules.parameters, states, forces, rules.integrator)
 
 
 @compiled

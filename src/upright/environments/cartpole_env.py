@@ -59,7 +59,7 @@ def advance(
     The last tells whether the pole has fallen.
     """
     acting = disturb(rules.noise, force, rng)
-    state = step(rules.parameters, state, acting)
+    state = step(rules.parameters, state, acting, rules.integrator)
     seen = measure(rules.noise, state, rng)
     return state, seen, acting, has_fallen(rules.parameters, state)
 
@@ -87,6 +87,8 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         Type of observations; the plant always computes in float64.
     render_mode
         "human", "rgb_array", "ansi" or None.
+    integrator
+        "euler" as in the published tables, "semi-implicit" or "rk4".
 
     Raises
     ------
@@ -108,9 +110,10 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         continuous: bool = False,
         dtype: str = "float32",
         render_mode: str | None = None,
+        integrator: str = "euler",
     ) -> None:
         check_render_mode(render_mode, self.metadata)
-        self.rules = make_rules(noise, start, parameters, reward)
+        self.rules = make_rules(noise, start, parameters, integrator, reward)
         self.observation_space, self.action_space = make_spaces(
             self.rules.parameters, continuous, dtype
         )

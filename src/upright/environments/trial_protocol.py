@@ -13,12 +13,14 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from upright.core.cartpole import INTEGRATORS
 from upright.core.conditions import STEPS, TRIALS
-from upright.core.contracts import GymnasiumLearner, Plant
+from upright.core.contracts import GymnasiumLearner
 from upright.core.task import Task
 from upright.core.trials import Result
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.errors import UprightError, require
+from upright.plants.equations import Equations
 
 
 class RunOver(Exception):  # noqa: N818 - no error, as StopIteration is none
@@ -164,7 +166,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 def run_learner(
     learner: GymnasiumLearner,
-    plant: Plant,  # noqa: ARG001 - the environment has its own
+    plant: Equations,
     task: Task,
     rng: np.random.Generator,
     lengths: NDArray[np.int64],
@@ -184,7 +186,10 @@ def run_learner(
         raise UprightError(
             f"delay is {task.delay}; it must be 0: the environments of Gymnasium delay no push"
         )
-    env: gymnasium.Env[Any, Any] = CartPoleEnv(task.noise, task.start, task.parameters)
+    integrator = next(name for name, each in INTEGRATORS.items() if each == plant.integrator)
+    env: gymnasium.Env[Any, Any] = CartPoleEnv(
+        task.noise, task.start, task.parameters, integrator=integrator
+    )
     env.np_random = rng
     counted = TrialProtocol(env, task.steps, task.trials, lengths, stop)
     with suppress(RunOver):

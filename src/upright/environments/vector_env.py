@@ -58,7 +58,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         When an episode that ended is followed by the next: an `AutoresetMode` or its value.
     render_mode
         "rgb_array", "ansi" or None.
-    noise, start, parameters, reward, continuous, dtype
+    noise, start, parameters, reward, continuous, dtype, integrator
         As for `CartPoleEnv`.
 
     Raises
@@ -79,6 +79,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         reward: str = "survival",
         continuous: bool = False,
         dtype: str = "float32",
+        integrator: str = "euler",
     ) -> None:
         require("num_envs", num_envs, 1, 10**8, whole=True)
         if max_episode_steps in (None, -1):
@@ -94,7 +95,9 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         }
         check_render_mode(render_mode, self.metadata)
         self.render_mode, self.num_envs = render_mode, num_envs
-        self.rules = make_rules(noise, start, parameters, reward, max_episode_steps, MODES[mode])
+        self.rules = make_rules(
+            noise, start, parameters, integrator, reward, max_episode_steps, MODES[mode]
+        )
         self.single_observation_space, self.single_action_space = make_spaces(
             self.rules.parameters, continuous, dtype
         )

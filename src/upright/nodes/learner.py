@@ -36,7 +36,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     policy = load_policy(settings.policy) if settings.policy else None
     waiting = Ros2(settings.watchdog, settings.patience)
     task: dict[str, Any] = {"steps": settings.steps, "trials": settings.trials, "plant": waiting}
-    task |= {"noise": "none", "integrator": "euler", "condition": "nominal"}  # the cart's own
+    task |= {"noise": "none", "condition": "nominal", "parameters": {}}  # the cart's own
     if policy:
         case = case_for(policy, **task)
     else:
@@ -44,7 +44,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     if settings.save:
         check_learned(settings.save, case)
     stop = np.zeros(1, np.bool_)
-    cart = Cart(node, waiting.waiting, case.task().parameters, stop)
+    cart = Cart(node, waiting.waiting, case.spec.task().parameters, stop)
     progress = node.create_publisher(Int64, "~/trial_steps", QOS)
 
     def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:

@@ -2,16 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from upright.core.conditions import STEPS, TRIALS
+from upright.core.parameters import make_parameters, parse_parameters
+from upright.core.task import TaskSpec
 from upright.errors import UprightError, require, require_one_of
-from upright.plants import PLANTS, default_plant
+from upright.plants import PLANTS
 from upright.plants.settings import PlantSettings
 from upright.support.settings import change_settings, pairs
-
-if TYPE_CHECKING:
-    from upright.core.task import Task
 
 BODIES = [name for name in PLANTS if name != "ros2"]
 """Plants that a simulator can have."""
@@ -24,9 +22,11 @@ class SimulatorSettings:
     """What can be set of the simulator."""
 
     plant: str = "equations"
-    """The body: equations, mujoco or gazebo."""
+    """The plant: equations, mujoco or gazebo."""
     plant_set: str = ""
     """Settings of the plant, NAME=VALUE with commas between (see upright plants)."""
+    parameters: str = ""
+    """Parameters of the plant, NAME=VALUE with commas between, such as half_length=1.0."""
     gui: bool = False
     """Whether the plant's own window is opened; gazebo has one."""
     noise: str = "none"
@@ -57,21 +57,22 @@ class SimulatorSettings:
         require("seed", self.seed, 0, 2**63 - 1, whole=True)
         require("rate", self.rate, 1, 10_000)
         require("real_time_factor", self.real_time_factor, 0, 1_000, above=True)
-        self.task()
+        self.spec()
         require("command_timeout", self.command_timeout, 0, 3600, above=True)
 
     def body(self) -> PlantSettings:
         """Return the settings of the plant."""
         changes = [part for part in self.plant_set.split(",") if part.strip()]
         changes += ["gui=True"] * self.gui
-        return change_settings(default_plant(self.plant), dict(pairs("plant_set", changes)))
+        return change_settings(PLANTS.default(self.plant), dict(pairs("plant_set", changes)))
 
-    def task(self) -> "Task":
+    def spec(self) -> TaskSpec:
         """Return plant parameters, noise and start."""
-        from upright.core.task import make_task
-
-        task = make_task(self.noise, self.start)
-        return task._replace(parameters=task.parameters._replace(time_step=1 / self.rate))
+        changes = parse_parameters(part for part in self.parameters.split(",") if part.strip())
+        if "time_step" in changes:
+            raise UprightError("parameters has a time_step; rate sets it here")
+        parameters = make_parameters(changes | {"time_step": 1 / self.rate})
+        return TaskSpec(self.noise, self.start, parameters=parameters)
 
 
 @dataclass(frozen=True)

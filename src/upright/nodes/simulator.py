@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from upright.core.contracts import Plant
 from upright.core.noise import disturb, draw_start, measure
 from upright.core.parameters import State
 from upright.errors import UprightError
@@ -43,10 +44,11 @@ from upright.plants.ros2.topics import (
     SIMULATOR,
     STATUS,
 )
+from upright.plants.settings import RunContext
 from upright.plants.urdf import HINGE, SLIDER
 from upright.support.exit_status import exit_status
 
-CHANGEABLE = ("noise", "start", "start_state", "seed")
+CHANGEABLE = ("noise", "start", "start_state", "seed", "parameters")
 """Parameters that may be set while the node runs; they count from the next reset on."""
 
 
@@ -67,8 +69,8 @@ class Simulator:
     def __init__(self, node: Node) -> None:
         self.settings = declare(node, SimulatorSettings(), CHANGEABLE)
         self._node, self._log = node, node.get_logger()
-        self._task = self.settings.task()
-        self._plant, _ = self.settings.body().make(self._task, "none", 0, np.zeros(1, np.bool_))
+        self._task = self.settings.spec().task()
+        self._plant = self._make_plant()
         self._rng = np.random.default_rng(self.settings.seed)
         self._period = round(1e9 / self.settings.rate)  # [ns]
         self._stamp = 0  # simulated time [ns]
@@ -113,6 +115,11 @@ class Simulator:
         self._executor.remove_node(self._node)
         self._plant.close()
 
+    def _make_plant(self) -> Plant:
+        spec = self.settings.spec()
+        context = RunContext(spec.task(), spec, 0, np.zeros(1, np.bool_))
+        return self.settings.body().make(context)[0]
+
     def _warm_up(self) -> None:
         """Have everything compiled, which takes longer than others would wait for an answer."""
         self._plant.reset(draw_start(self._task.start, np.random.default_rng(0)))
@@ -124,7 +131,10 @@ class Simulator:
             self.settings = replace(self.settings, **values)
         except (UprightError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._task = self.settings.task()
+        self._task = self.settings.spec().task()
+        if "parameters" in values:
+            self._plant.close()
+            self._plant = self._make_plant()
         if values.keys() & {"noise", "seed"}:
             self._rng = np.random.default_rng(self.settings.seed)
         return SetParametersResult(successful=True)

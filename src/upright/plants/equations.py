@@ -5,17 +5,21 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from upright.core.cartpole import has_fallen, step
+from upright.core.cartpole import INTEGRATORS, has_fallen, step
 from upright.core.compiled import compiled, inlined
 from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
 from upright.core.task import Task
+from upright.errors import require_one_of
+from upright.plants.settings import RunContext
 
 
 class Equations(NamedTuple):
-    """The plant as compiled equations of motion, behind the contract of every body."""
+    """The plant as compiled equations of motion, behind the contract of every plant."""
 
     parameters: Parameters
+    integrator: int
+    """An `Integrator`, as a number."""
     memory: np.ndarray
     """The present state, shape (4,), float64."""
 
@@ -30,7 +34,8 @@ class Equations(NamedTuple):
     def step(self, force: float) -> State:
         """Apply a force [N] for one time step and return the state then."""
         memory = self.memory
-        after = step(self.parameters, State(memory[0], memory[1], memory[2], memory[3]), force)
+        state = State(memory[0], memory[1], memory[2], memory[3])
+        after = step(self.parameters, state, force, self.integrator)
         memory[0], memory[1], memory[2], memory[3] = after
         return after
 
@@ -40,28 +45,45 @@ class Equations(NamedTuple):
         return has_fallen(self.parameters, state)
 
     def close(self) -> None:
-        """Release nothing: there is nothing to release."""
+        """Do nothing; the equations hold no resources."""
 
 
-def equations(parameters: Parameters | None = None) -> Equations:
-    """Return the plant as compiled equations, at rest and upright."""
-    return Equations(check_parameters(parameters or Parameters()), np.zeros(4))
+def equations(parameters: Parameters | None = None, integrator: str = "euler") -> Equations:
+    """Return the plant as compiled equations, at rest and upright.
+
+    Raises
+    ------
+    UprightError
+        If a parameter is impossible, or there is no such integrator.
+    """
+    require_one_of("integrator", integrator, INTEGRATORS)
+    number = int(INTEGRATORS[integrator])
+    return Equations(check_parameters(parameters or Parameters()), number, np.zeros(4))
 
 
 @dataclass(frozen=True)
 class EquationsSettings:
-    """None: the integrator is part of the task."""
+    """Settings of the equations."""
+
+    integrator: str = "euler"
+    """How one time step is computed: euler (as published), semi-implicit or rk4."""
 
     name: ClassVar[str] = "equations"
     alone: ClassVar[bool] = False
 
-    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    def __post_init__(self) -> None:
+        """Refuse unknown integrators."""
+        require_one_of("integrator", self.integrator, INTEGRATORS)
+
+    def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Return the equations with the parameters of the task, and the task."""
-        return equations(task.parameters), task
+        return equations(context.task.parameters, self.integrator), context.task
 
     def version(self) -> str:
         """Return nothing: there is no simulator behind the equations."""
         return ""
 
 
-SETTINGS = EquationsSettings()
+EQUATIONS = EquationsSettings()
+"""The plant of the published tables."""
+SETTINGS = {"default": EQUATIONS}

@@ -26,7 +26,7 @@ from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
 from upright.core.task import Task
 from upright.errors import require, require_module, require_one_of
-from upright.plants.settings import count_steps
+from upright.plants.settings import RunContext, count_steps
 from upright.plants.urdf import text
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
@@ -50,9 +50,9 @@ class Mujoco:
     name: ClassVar[str] = "mujoco"
     alone: ClassVar[bool] = False
 
-    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Return the plant with the parameters of the task, and the task."""
-        return self.plant(task.parameters), task
+        return self.plant(context.task.parameters), context.task
 
     def version(self) -> str:
         """Return the version of MuJoCo."""
@@ -182,4 +182,4 @@ class Body(NamedTuple):
         raise TypeError("a plant in MuJoCo cannot be pickled or copied")
 
 
-SETTINGS = Mujoco()
+SETTINGS = {"default": Mujoco()}

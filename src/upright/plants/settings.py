@@ -1,6 +1,6 @@
 """What the settings of every plant have in common."""
 
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 from upright.errors import UprightError
 from upright.support.settings import Fields
@@ -9,7 +9,20 @@ if TYPE_CHECKING:
     import numpy as np
 
     from upright.core.contracts import Plant
-    from upright.core.task import Task
+    from upright.core.task import Task, TaskSpec
+
+
+class RunContext(NamedTuple):
+    """What a plant is made for."""
+
+    task: "Task"
+    """What is to be done, in numbers."""
+    spec: "TaskSpec"
+    """The same by names, for a plant that makes its noise itself."""
+    seed: int
+    """Of random numbers that the plant draws itself."""
+    stop: "np.ndarray"
+    """Shape (1,), bool. Once it is set, the plant may refuse its next step by raising `Stopped`."""
 
 
 class PlantSettings(Fields, Protocol):
@@ -18,23 +31,10 @@ class PlantSettings(Fields, Protocol):
     name: ClassVar[str]
     """Which of PLANTS it makes."""
     alone: ClassVar[bool]
-    """Whether there is one such body only, so that runs on it are made one after the other."""
+    """Whether there is one such plant only, so that its runs are made one after the other."""
 
-    def make(self, task: "Task", noise: str, seed: int, stop: "np.ndarray") -> "tuple[Plant, Task]":
-        """Return a plant, and what of its task is left to the loop.
-
-        Parameters
-        ----------
-        task
-            What is to be done.
-        noise
-            Name of its noise, for a body that makes it itself.
-        seed
-            Of random numbers that the body draws itself.
-        stop
-            Shape (1,), bool. Once it is set, the plant may refuse its next step by
-            `KeyboardInterrupt`.
-        """
+    def make(self, context: RunContext) -> "tuple[Plant, Task]":
+        """Return the plant of a run, and the task that is left to the loop."""
 
     def version(self) -> str:
         """Return the version of the simulator behind the plant; empty if there is none."""

@@ -5,13 +5,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from upright.agents import is_custom
-from upright.core.task import make_task
+from upright.agents import AGENTS
+from upright.core.cartpole import INTEGRATORS
+from upright.core.task import TaskSpec
 from upright.errors import UprightError, require, require_one_of
-from upright.plants import PLANTS
-from upright.plants.equations import SETTINGS as EQUATIONS
-from upright.policies.policy import TASK, Policy
+from upright.plants import PLANTS, describe_plant
+from upright.plants.equations import EQUATIONS
+from upright.policies.policy import Policy
 
+TOLD = ("noise", "start", "steps", "condition", "seed", "run")
+"""What the task of a policy must tell."""
 LONGEST_ERROR = 500
 """Characters of what is said of a file; its author chose some of them."""
 
@@ -41,25 +44,41 @@ def check_agent(found: str, named: str | None) -> None:
     """Make sure that no code is imported because a file says so."""
     if named is not None and named != found:
         raise ValueError(f"it was learned by {found!r}, not by {named!r}")
-    if named is None and is_custom(found):
+    if named is None and AGENTS.is_path(found):
         raise ValueError(
             f"it was learned by {found!r}, code from outside the package, which is run only if "
             "you name it: --agent MODULE:NAME, or agent= in Python"
         )
 
 
-def check_task(task: dict[str, Any]) -> None:
-    """Make sure that the task a policy was trained on is one that can be named."""
-    if task.keys() - {"plant"} != {*TASK, "seed", "run"}:
-        raise ValueError(f"its task must tell {', '.join(TASK)}, seed and run")
-    make_task(**{name: task[name] for name in TASK})
-    for name in ("seed", "run"):
-        require(name, task[name], 0, whole=True)
-    require_one_of("plant", task.get("plant", EQUATIONS.name), PLANTS)
+def read_task(task: dict[str, Any]) -> dict[str, Any]:
+    """Return what a policy was trained on as `Policy` takes it, checked.
+
+    Files of version 0.1 tell neither `trials` nor `parameters`, but the integrator, and of the
+    plant its name alone.
+    """
+    task = dict(task)
+    plant = task.pop("plant", describe_plant(EQUATIONS))
+    integrator = task.pop("integrator", None)
+    if isinstance(plant, str):
+        plant = {"name": plant}
+    elif not isinstance(plant, dict):
+        raise ValueError(f"plant is {plant!r}; it must tell its name and its settings")
+    require_one_of("plant", plant.get("name", ""), PLANTS)
+    if integrator is not None:
+        require_one_of("integrator", integrator, INTEGRATORS)
+        if plant["name"] == EQUATIONS.name:
+            plant = {**plant, "integrator": integrator}
+    if lacking := [name for name in TOLD if name not in task]:
+        raise ValueError(f"its task does not tell {', '.join(lacking)}")
+    seed, run = task.pop("seed"), task.pop("run")
+    for name, value in (("seed", seed), ("run", run)):
+        require(name, value, 0, whole=True)
+    return {"learned_on": TaskSpec.from_data(task), "seed": seed, "run": run, "plant": plant}
 
 
 def check_contract(policy: Policy, header: dict[str, Any], for_people: set[str]) -> None:
-    """Make sure that what the file promises is what its policy does."""
+    """Make sure that what the file promises is what its policy does; its task was read before."""
     for name, ours in policy.contract().items():
-        if name not in for_people and header.get(name, ours) != ours:
+        if name not in {"task", *for_people} and header.get(name, ours) != ours:
             raise ValueError(f"it says of {name}: {header[name]!r}; it must be {ours!r}")

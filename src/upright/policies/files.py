@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from upright.agents import is_custom, restore_settings
+from upright.agents import AGENTS, is_custom
 from upright.errors import require_one_of
 from upright.policies.c99 import c_header
-from upright.policies.checks import check_agent, check_contract, check_task, explained
+from upright.policies.checks import check_agent, check_contract, explained, read_task
 from upright.policies.form_json import NUMBERS
 from upright.policies.json_file import first_bytes, is_json, json_form, load_json, read_json
 from upright.policies.npz_file import fill, opened, read_npz_header
@@ -41,12 +41,11 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     with opened(path) as archive:
         header = read_npz_header(archive)
         check_agent(header["agent"], agent)
-        check_task(header["task"])
-        settings = restore_settings(header["agent"], header["settings"])
+        settings = AGENTS.restore(header["agent"], header["settings"])
         memory = settings.agent(np.random.default_rng(0))
         former_names = getattr(settings, "RENAMED_ARRAYS", {})
         fill(memory, archive, finite=not is_custom(header["agent"]), renamed=former_names)
-        policy = Policy(header["agent"], memory, header["task"])
+        policy = Policy(header["agent"], memory, **read_task(header["task"]))
         check_contract(policy, header, {"version"})
     return policy
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from upright.agents import AGENTS
 from upright.errors import require_one_of
-from upright.policies.checks import check_agent, check_contract, check_header, check_task, explained
+from upright.policies.checks import check_agent, check_contract, check_header, explained, read_task
 from upright.policies.form_json import form_entries, restore_form
 from upright.policies.form_player import make_memory
 from upright.policies.policy import Policy, form_of
@@ -28,9 +28,8 @@ def load_json(path: Path | str, agent: str | None) -> Policy:
         check_agent(entries["agent"], agent)
         if agent is None:
             require_one_of("agent", entries["agent"], AGENTS)
-        check_task(entries["task"])
         memory = make_memory(restore_form(entries))
-        policy = Policy(entries["agent"], memory, entries["task"])
+        policy = Policy(entries["agent"], memory, **read_task(entries["task"]))
         # What these say follows from the form; other languages may word it otherwise.
         check_contract(policy, entries, {"version", "normalisation", "history"})
     return policy

@@ -1,7 +1,8 @@
 """A learned policy: what it computes, and the contract that says how to use it."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,30 +10,34 @@ import numpy as np
 from upright import __version__
 from upright.agents.parts.policy_form import Form
 from upright.core.parameters import State
-from upright.core.task import Task, make_task
+from upright.core.task import TaskSpec
 from upright.errors import UprightError
+from upright.plants import describe_plant
+from upright.plants.equations import EQUATIONS
 
 OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
 ACTION = "push to the right (+F) with the probability that the policy returns, else left"
-TASK = ("noise", "start", "steps", "integrator", "condition")
-"""What names a task; a policy also knows the seed and the run."""
 
 
 @dataclass(frozen=True)
 class Policy:
-    """A learned policy. It balances as an agent does, and learns no more."""
+    """A learned policy. It balances as an agent does, and does not learn."""
 
     agent: str
     """Name of the agent that learned it."""
     memory: Any
     """Its memory."""
-    task: dict[str, Any]
-    """What it learned on: noise, start, steps, integrator, condition, seed and run; and the name of
-    the plant, if that was not the equations.
-    """
+    learned_on: TaskSpec
+    """The task that it learned on."""
+    seed: int = 0
+    """Seed of the study that it was learned in."""
+    run: int = 0
+    """Number of the run in that study."""
+    plant: Mapping[str, Any] = field(default_factory=lambda: describe_plant(EQUATIONS))
+    """The plant that it learned on as data: its name, and its settings where they are known."""
 
     def __post_init__(self) -> None:
-        """Stand at the beginning of a trial."""
+        """Reset to the start of a trial."""
         self.begin_trial(np.random.default_rng(0))
 
     def push_probability(self, observation: State) -> float:
@@ -60,9 +65,12 @@ class Policy:
     def end_trial(self, fallen: bool) -> None:
         """Learn nothing."""
 
-    def make_task(self) -> Task:
-        """Return the task that it learned on, in numbers."""
-        return make_task(**{name: self.task[name] for name in TASK})
+    @property
+    def task(self) -> dict[str, Any]:
+        """What it learned on, as JSON takes it."""
+        task = self.learned_on.as_data() | {"seed": self.seed, "run": self.run}
+        plant = {} if self.plant == describe_plant(EQUATIONS) else {"plant": dict(self.plant)}
+        return task | plant
 
     @property
     def form(self) -> Form | None:
@@ -71,7 +79,7 @@ class Policy:
 
     def contract(self) -> dict[str, Any]:
         """Return all that one must know to use the policy, as JSON takes it."""
-        form, parameters = self.form, self.make_task().parameters
+        form, parameters = self.form, self.learned_on.parameters
         inputs = form.contract() if form else {"normalisation": "known to the agent alone"}
         return {
             "version": __version__,

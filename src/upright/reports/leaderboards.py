@@ -7,9 +7,8 @@ intervals overlap, the two are tied.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from upright import __version__
 from upright.agents import AGENTS
 from upright.core.conditions import PUBLISHED_NOISES, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.core.parameters import Parameters
@@ -27,13 +26,13 @@ STARTS_SHOWN = {
     "random": "Start within ±0.05",
     "zero": "Start exactly upright",
 }
-PUBLISHED = {
+PUBLISHED: dict[str, dict[str, Any]] = {
     f"{start} {noise}": {"start": start, "noise": noise}
     for start in STARTS_SHOWN
     for noise in PUBLISHED_NOISES
 }
 """The columns of the leaderboard, over both its tables."""
-ROBUST: dict[str, dict[str, str]] = {
+ROBUST: dict[str, dict[str, Any]] = {
     "as published": {},
     "plant varies": {"condition": "varied-plant"},
     "delay 1": {"condition": "delay-1"},
@@ -64,7 +63,7 @@ class BoardPlan(NamedTuple):
     """Where finished runs are kept; without one, they are lost when interrupted."""
 
 
-def make_rows(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str, list[Row]]:
+def make_rows(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Row]]:
     """Make the runs that are missing, and return the row of every agent for each column."""
     cases = _cases(study, columns)
     with Store(study.store) as store:
@@ -76,7 +75,7 @@ def make_rows(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str,
         }
 
 
-def _cases(study: BoardPlan, columns: dict[str, dict[str, str]]) -> dict[str, list[Case]]:
+def _cases(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Case]]:
     return {
         title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
         for title, task in columns.items()
@@ -100,7 +99,7 @@ def board(columns: dict[str, list[Row]], published: bool = False) -> str:
         cells = [_cell(rows[i], places[title][i]) for title, rows in columns.items()]
         body.append([f"`{agents[i]}`", number(mean_rank[i]), *cells])
     for source in SOURCES if published else ():
-        figures = (source.mean_trials.get(rows[0].noise) for rows in columns.values())
+        figures = (source.mean_trials.get(rows[0].task.noise) for rows in columns.values())
         rule = f" ({source.agent})" if source.agent else ""
         name = f"*{source.name}{rule}, {source.runs} runs, N = {source.steps:,}*"
         body.append([name, "", *(number(figure, 2) for figure in figures)])
@@ -164,7 +163,7 @@ def leaderboard_text(rows: dict[str, list[Row]], study: BoardPlan) -> str:
     return f"""# Leaderboard
 
 How many trials every agent needs until the pole stands for N = {study.steps:,} steps, on the seven
-published noise cases. {_made(study, "leaderboard")}
+published noise cases. {_made(study, "leaderboard", _version(rows))}
 
 {READING}
 {parts[0]}
@@ -181,7 +180,7 @@ def robust_text(rows: dict[str, list[Row]], study: BoardPlan) -> str:
     return f"""# Robustness
 
 The same agents with the same settings, noise-free, where the task departs from the published one.
-A trial of N = {study.steps:,} steps succeeds. {_made(study, "robust")}
+A trial of N = {study.steps:,} steps succeeds. {_made(study, "robust", _version(rows))}
 
 - *plant varies*: every run has another plant; pole of 0.25 to 2 m, both masses halved to doubled;
 - *delay*: a push acts one or two steps of {Parameters().time_step} s later;
@@ -203,7 +202,7 @@ Where fewer than 95 % of the runs succeed:
 def _measure(
     path: Path | str,
     study: BoardPlan,
-    columns: dict[str, dict[str, str]],
+    columns: dict[str, dict[str, Any]],
     say: Callable[[str], None],
 ) -> dict[str, list[Row]]:
     """Make the folders, measure, and write the figures beside the board.
@@ -229,13 +228,18 @@ def _measure(
     return rows
 
 
-def _made(study: BoardPlan, command: str) -> str:
+def _version(rows: dict[str, list[Row]]) -> str:
+    """Return the version that measured a board."""
+    return next(iter(rows.values()))[0].version
+
+
+def _made(study: BoardPlan, command: str, version: str) -> str:
     options = {"agents": ",".join(study.agents), "runs": study.runs, "steps": study.steps}
     usual = BoardPlan(steps=USUAL_STEPS[command])
     usual_options = {"agents": ",".join(usual.agents), "runs": usual.runs, "steps": usual.steps}
     told = [f"--{name} {value}" for name, value in options.items() if value != usual_options[name]]
     words = " ".join(["upright", command, *told, f"--seed {study.seed}"])
-    return f"{study.runs} runs a case; made by\n`{words}`, upright {__version__}."
+    return f"{study.runs} runs a case; made by\n`{words}`, upright {version}."
 
 
 def _broken(rows: dict[str, list[Row]]) -> str:

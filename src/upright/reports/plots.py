@@ -103,14 +103,18 @@ def plot_curves(learned: Learned) -> Figure:
         filled = np.full((len(results), longest), np.nan)
         for row, result in zip(filled, results, strict=True):
             row[: result.trials] = result.lengths
-            row[result.trials :] = case.steps if result.success else np.nan
+            row[result.trials :] = case.spec.steps if result.success else np.nan
             trials = np.arange(1, result.trials + 1)
             axes.plot(trials, result.lengths, ".-", color=colour, alpha=0.3, lw=0.8, markersize=3)
         median = np.median(filled, axis=0)
         counts = np.arange(1, longest + 1)
         axes.plot(counts, median, ".-", color="black", lw=2, label="median run")
-        axes.axhline(case.steps, color="#2a8f4f", linestyle="--", label=f"{case.steps:,} steps")
-        axes.set(title=f"{name(case)} ({case.noise})", xlabel="trial", xscale="log", yscale="log")
+        axes.axhline(
+            case.spec.steps, color="#2a8f4f", linestyle="--", label=f"{case.spec.steps:,} steps"
+        )
+        axes.set(
+            title=f"{name(case)} ({case.spec.noise})", xlabel="trial", xscale="log", yscale="log"
+        )
         axes.legend(loc="lower right")
         _style(axes)
     panels[0].set_ylabel("steps before the fall")
@@ -119,14 +123,14 @@ def plot_curves(learned: Learned) -> Figure:
 
 def plot_trials(learned: Learned) -> Figure:
     """Draw, for each noise case, the part of the runs that succeeded within so many trials."""
-    noises = list(dict.fromkeys(case.noise for case, _ in learned))
+    noises = list(dict.fromkeys(case.spec.noise for case, _ in learned))
     columns = min(4, len(noises) + 1)
     rows = -(-(len(noises) + 1) // columns)
     figure = Figure((3.6 * columns, 3.2 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, noise in zip(panels, noises, strict=False):
         for case, results in learned:
-            if case.noise == noise:
+            if case.spec.noise == noise:
                 _plot_distribution(axes, case, results)
         for source, mean in figures("reinforce", noise).items():
             if source in PUBLISHED_STYLES:
@@ -147,7 +151,7 @@ def _plot_distribution(axes: Axes, case: Case, results: Sequence[Result]) -> Non
     trials = np.sort([result.trials for result in results if result.success])
     parts = np.arange(1, len(trials) + 1) / max(1, len(results))
     axes.step(
-        [1, *trials, case.trials],
+        [1, *trials, case.spec.trials],
         [0, *parts, parts[-1] if len(parts) else 0],
         where="post",
         label=name(case),
@@ -188,7 +192,7 @@ def trajectory(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
 
 def plot_phases(policy: Policy) -> Figure:
     """Draw the phase portraits of cart and pole over some seconds of balancing."""
-    task = case_for(policy, steps=PORTRAIT_STEPS).task()
+    task = case_for(policy, steps=PORTRAIT_STEPS).spec.task()
     states = trajectory(policy, task)
     seconds = np.arange(len(states)) * task.parameters.time_step
     figure = Figure((9.4, 4.2), layout="constrained")

@@ -7,7 +7,6 @@ policies that they show.
 from collections.abc import Callable
 from pathlib import Path
 
-from upright import __version__
 from upright.core.conditions import PUBLISHED_NOISES, RUNS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.trials import Result
@@ -107,7 +106,7 @@ def draw(folder: Path, learned: list[tuple[Case, list[Result]]], seed: int) -> N
     from upright.reports import plots
 
     tuned = [(case, results) for case, results in learned if case.label == "default"]
-    noise_free = [(case, results) for case, results in tuned if case.noise == "none"]
+    noise_free = [(case, results) for case, results in tuned if case.spec.noise == "none"]
     plots.save(plots.plot_curves(noise_free), folder / "learning-curves.png")
     plots.save(plots.plot_trials(learned), folder / "trials.png")
     policies = []
@@ -128,7 +127,7 @@ def _learn_policy(case: Case, results: list[Result], seed: int) -> Policy:
 
 def comparison(rows: list[Row], agent: str, title: str) -> str:
     """Return a table of one agent as the report has it: a line for each noise case."""
-    found = {(row.agent, row.settings, row.noise): row for row in rows}
+    found = {(row.agent, row.settings, row.task.noise): row for row in rows}
     head = ["Noise", "Report", "Report's settings: success", "mean trials"]
     head += ["Ours: success", "mean trials", "Random guessing", SI_AND_WANG]
     body = []
@@ -148,12 +147,12 @@ def report(rows: list[Row]) -> str:
     row = rows[0]
     total = sum(row.steps_simulated for row in rows)
     step = Parameters().time_step
-    protocol = f"{row.runs} runs a case, N = {row.steps:,} steps of {step} s"
+    protocol = f"{row.runs} runs a case, N = {row.task.steps:,} steps of {step} s"
     protocol += f", at most {TRIALS:,} trials a run"
     return f"""# The report's tables, again
 
 {protocol}, every trial
-counted; seed {row.seed}, upright {__version__}. {total / 1e6:,.0f} million steps were simulated,
+counted; seed {row.seed}, upright {row.version}. {total / 1e6:,.0f} million steps were simulated,
 {total * step / 86400:,.0f} days of balancing and falling. In brackets stand 95 % intervals. Mean
 trials are over the successful runs: where the success rate is low, they flatter.
 

@@ -1,16 +1,23 @@
 """Statistics of studies: a row of figures for each case."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from upright import __version__
+from upright.core.task import TaskSpec
 from upright.core.trials import Result
+from upright.plants import PLANTS
 from upright.reports.published import figures
 from upright.studies.case import Case, named
 from upright.studies.intervals import bootstrap_interval, wilson_interval
 from upright.studies.store import Store
+from upright.support.settings import changed_values
+
+INTERVALS = ("success_ci95", "ci95", "all_runs_ci95")
+"""The fields of a row that are intervals: their two ends."""
 
 
 @dataclass(frozen=True)
@@ -21,16 +28,10 @@ class Row:
     """Name of the agent."""
     settings: str
     """Name of its settings."""
-    noise: str
-    """Name of the noise case."""
-    start: str
-    """Name of the start."""
-    condition: str
-    """Name of the condition."""
-    steps: int
-    """N: steps of a successful trial."""
+    task: TaskSpec
+    """The task."""
     runs: int
-    """How many runs were made."""
+    """Number of runs."""
     successes: int
     """How many of them succeeded."""
     success_rate: float
@@ -64,12 +65,32 @@ class Row:
     language: str = "Python"
     """In which language it ran."""
     plant: str = "equations"
-    """Name of the body."""
+    """Name of the plant."""
+    plant_settings: Mapping[str, Any] = field(default_factory=dict)
+    """Its settings that differ from the default ones."""
 
     @property
     def name(self) -> str:
         """Name of the agent, for people."""
         return named(self.agent, self.language, self.plant)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the row as JSON takes it: parts of the task stand among the others."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        data: dict[str, Any] = {}
+        for name, value in values.items():
+            data |= value.as_data() if name == "task" else {name: value}
+        return data
+
+    @classmethod
+    def from_data(cls, values: Mapping[str, Any]) -> "Row":
+        """Return the row that `as_data` described, also one of version 0.1."""
+        parts = {field.name for field in fields(TaskSpec)}
+        task = {name: value for name, value in values.items() if name in parts}
+        own = {name: value for name, value in values.items() if name not in parts}
+        for name in INTERVALS:
+            own[name] = own[name] and tuple(own[name])
+        return cls(task=TaskSpec.from_data(task), **own)
 
 
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
@@ -81,10 +102,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     return Row(
         agent=case.agent,
         settings=case.label,
-        noise=case.noise,
-        start=case.start,
-        condition=case.condition,
-        steps=case.steps,
+        task=case.spec,
         runs=len(results),
         successes=len(trials),
         success_rate=len(trials) / max(1, len(results)),
@@ -98,10 +116,11 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         all_runs_ci95=bootstrap_interval(made),
         steps_simulated=int(sum(result.lengths.sum() for result in results)),
         seconds=sum(result.seconds for result in results),
-        published=figures(case.agent, case.noise),
+        published=figures(case.agent, case.spec.noise),
         seed=seed,
         language=case.language,
         plant=case.plant.name,
+        plant_settings=changed_values(PLANTS.default(case.plant.name), case.plant),
     )
 
 

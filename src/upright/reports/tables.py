@@ -4,13 +4,13 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import NamedTuple
 
-from upright import __version__
+from upright.core.conditions import TRIALS
+from upright.core.parameters import changed_parameters
 from upright.errors import require_one_of
 from upright.reports.published import SOURCES
-from upright.reports.statistics import Row
+from upright.reports.statistics import INTERVALS, Row
 
 
 class Table(NamedTuple):
@@ -50,7 +50,7 @@ def study_table(rows: Sequence[Row]) -> Table:
         [
             row.name,
             row.settings,
-            row.noise,
+            row.task.noise,
             success_text(row),
             mean_text(row),
             number(row.median_trials),
@@ -65,13 +65,7 @@ def study_table(rows: Sequence[Row]) -> Table:
 
 def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
     agents = {row.agent for row in rows}
-    made = sorted({(row.runs, row.steps, row.start, row.condition, row.seed) for row in rows})
-    notes = [
-        f"{runs} runs a case, N = {steps:,} steps, start {start}, "
-        + ("" if condition == "nominal" else f"condition {condition}, ")
-        + f"seed {seed}, upright {__version__}."
-        for runs, steps, start, condition, seed in made
-    ]
+    notes = sorted({_protocol(row) for row in rows})
     notes.append(
         "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
         "successful one included. In brackets: 95 % intervals."
@@ -82,6 +76,17 @@ def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
         if source.name in sources and (source.agent is None or source.agent in agents)
     ]
     return notes
+
+
+def _protocol(row: Row) -> str:
+    """Return how the runs of a row were made, all that is not usual included."""
+    task = row.task
+    parts = [f"{row.runs} runs a case", f"N = {task.steps:,} steps", f"start {task.start}"]
+    parts += [f"condition {task.condition}"] if task.condition != "nominal" else []
+    parts += [f"at most {task.trials:,} trials"] if task.trials != TRIALS else []
+    changed = {**changed_parameters(task.parameters), **row.plant_settings}
+    parts += [f"{name} {value}" for name, value in changed.items()]
+    return ", ".join([*parts, f"seed {row.seed}, upright {row.version}."])
 
 
 def to_text(table: Table) -> str:
@@ -133,7 +138,7 @@ def _escape_latex(cell: str) -> str:
 
 def to_json(rows: Sequence[Row]) -> str:
     """Return the rows as a JSON array of objects with the fields of `Row`."""
-    return json.dumps([asdict(row) for row in rows], indent=2, allow_nan=False) + "\n"
+    return json.dumps([row.as_data() for row in rows], indent=2, allow_nan=False) + "\n"
 
 
 def to_csv(rows: Sequence[Row]) -> str:
@@ -148,11 +153,13 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def _flatten(row: Row) -> dict[str, object]:
-    line = asdict(row)
-    for name in ("success_ci95", "ci95", "all_runs_ci95"):
+    line = row.as_data()
+    for name in INTERVALS:
         line[f"{name}_low"], line[f"{name}_high"] = line.pop(name) or (None, None)
     for source, value in line.pop("published").items():
         line[f"published: {source}"] = value
+    for name in ("parameters", "plant_settings"):
+        line[name] = " ".join(f"{key}={value}" for key, value in line.pop(name).items())
     return line
 
 

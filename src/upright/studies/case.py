@@ -1,34 +1,36 @@
 """Cases: an agent with its settings on a task, and what identifies its runs."""
 
 import json
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from upright.agents import (
-    AGENTS,
-    MATLAB_AGENTS,
-    Settings,
-    is_custom,
-    named_settings,
-)
-from upright.core.conditions import STEPS, TRIALS
-from upright.core.task import Task, make_task
+import numpy as np
+
+from upright.agents import AGENTS, Settings, is_custom
+from upright.core.task import TaskSpec
 from upright.errors import UprightError, require_one_of
-from upright.plants import describe_plant
-from upright.plants.equations import SETTINGS as EQUATIONS
+from upright.plants import describe_plant, restore_plant
+from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
 from upright.studies.fingerprint import fingerprint
+from upright.support.settings import values_of
 
 LANGUAGES = ("Python", "MATLAB")
-"""In which a run can be made: this package, or its MATLAB twin."""
+"""The languages of a run: this package, or its MATLAB twin."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """An agent with its settings on a task: everything that determines a run, save its seed."""
+    """An agent with its settings on a task: everything that determines a run, save its seed.
+
+    Raises
+    ------
+    UprightError
+        If the case cannot be run.
+    """
 
     agent: str
     """Name of the agent."""
@@ -36,72 +38,92 @@ class Case:
     """Name of its settings, for people."""
     settings: Settings
     """Its settings."""
-    noise: str = "none"
-    """Name of the noise case."""
-    start: str = "random"
-    """Name of the start."""
-    steps: int = STEPS
-    """N: a trial of this many steps is a success."""
-    trials: int = TRIALS
-    """A run is at most this many trials."""
-    integrator: str = "euler"
-    """Name of the integrator."""
-    condition: str = "nominal"
-    """Name of the condition."""
+    spec: TaskSpec = TaskSpec()
+    """The task."""
     language: str = "Python"
     """One of LANGUAGES."""
     plant: PlantSettings = EQUATIONS
-    """The body, and how it is made."""
+    """Settings of the plant."""
 
     def __post_init__(self) -> None:
         """Refuse a case that cannot be run."""
         require_one_of("language", self.language, LANGUAGES)
-        outside = getattr(self.settings, "agent_name", "module:name")
-        require_one_of("agent", self.agent, [*AGENTS, outside])
-        self.task()
-        if self.plant.name != "equations":
-            require_one_of("integrator of other plants", self.integrator, ["euler"])
-            require_one_of("language of other plants", self.language, ["Python"])
+        AGENTS.check(self.agent)
         if self.language == "MATLAB":
-            require_one_of("agent of the MATLAB twin", self.agent, MATLAB_AGENTS)
-            require_one_of("integrator of the MATLAB twin", self.integrator, ["euler"])
-            require_one_of("condition of the MATLAB twin", self.condition, ["nominal"])
+            require_one_of("agent of the MATLAB twin", self.agent, matlab_twin.AGENTS)
+            require_one_of("plant of the MATLAB twin", self.plant.name, ["equations"])
+            require_one_of("condition of the MATLAB twin", self.spec.condition, ["nominal"])
+            if self.plant != EQUATIONS or self.spec.parameters != TaskSpec().parameters:
+                raise UprightError(
+                    "the MATLAB twin has the published parameters and integrator alone"
+                )
 
     @property
     def name(self) -> str:
         """Name of the agent, for people."""
         return named(self.agent, self.language, self.plant.name)
 
-    def wanted(self, seed: int, runs: Iterable[int]) -> matlab_twin.TwinJob:
-        """Return what the MATLAB twin must know to make runs of this case.
+    def twin_job(self, seed: int, runs: Iterable[int]) -> matlab_twin.TwinJob:
+        """Return what the MATLAB twin must know to run this case.
 
         Raises
         ------
         UprightError
             If its settings have no name.
         """
-        if self.settings != named_settings(self.agent).get(self.label):
+        if self.settings != AGENTS.settings(self.agent).get(self.label):
             raise UprightError(
                 "settings are changed; the MATLAB twin takes default or as-published"
             )
-        task = (self.noise, self.start, self.steps, self.trials)
+        spec = self.spec
+        task = (spec.noise, spec.start, spec.steps, spec.trials)
         return matlab_twin.TwinJob(self.agent, self.label, *task, seed, tuple(runs))
 
-    def task(self) -> Task:
-        """Return the task in numbers; where every run has its own plant, with the nominal one."""
-        return make_task(
-            self.noise, self.start, self.steps, self.trials, self.integrator, self.condition
-        )
+    def as_data(self) -> dict[str, Any]:
+        """Return the case as JSON takes it; `from_data` reads it."""
+        return {
+            "agent": self.agent,
+            "label": self.label,
+            "settings": values_of(self.settings),
+            "task": self.spec.as_data(),
+            "language": self.language,
+            "plant": describe_plant(self.plant),
+        }
 
     @cached_property
     def key(self) -> str:
         """Everything that determines a run save its seed, the rule's own code included, as JSON."""
         ours = self.language == "Python"
         rule = fingerprint(self.agent, self.plant.name) if ours else matlab_twin.twin_version()
-        values = asdict(self) | {"rule": rule, "plant": describe_plant(self.plant)}
         if version := self.plant.version():
-            values["rule"] += f"-{version}"
-        return json.dumps(values, sort_keys=True)
+            rule += f"-{version}"
+        return json.dumps(self.as_data() | {"rule": rule}, sort_keys=True)
+
+    @classmethod
+    def from_data(cls, values: Mapping[str, Any]) -> "Case":
+        """Return the case that `as_data` described, also that of a key.
+
+        Raises
+        ------
+        UprightError
+            If there is no such agent or plant, or a name or value is not allowed.
+        """
+        plant = dict(values.get("plant", {"name": "equations"}))
+        if "task" in values:
+            task = dict(values["task"])
+        else:  # a store of version 0.1
+            names = ("noise", "start", "steps", "trials", "condition")
+            task = {name: values[name] for name in names if name in values}
+        if plant["name"] == "equations":
+            plant.setdefault("integrator", values.get("integrator", "euler"))
+        return cls(
+            values["agent"],
+            values["label"],
+            AGENTS.restore(values["agent"], values["settings"]),
+            TaskSpec.from_data(task),
+            values.get("language", "Python"),
+            restore_plant(plant),
+        )
 
 
 def named(agent: str, language: str, plant: str) -> str:
@@ -110,20 +132,40 @@ def named(agent: str, language: str, plant: str) -> str:
     return f"{agent} ({', '.join(odd)})" if odd else agent
 
 
-def make_case(agent: str, label: str = "default", **task: Any) -> Case:
+def make_case(
+    agent: str,
+    label: str = "default",
+    *,
+    language: str = "Python",
+    plant: PlantSettings = EQUATIONS,
+    **task: Any,
+) -> Case:
     """Return the case of an agent with its settings of this name.
+
+    Parameters
+    ----------
+    agent
+        Name of an agent, or `module:name` of a custom one.
+    label
+        Name of its settings: "default" or "as-published". An agent that has only its default
+        settings takes them whatever the name.
+    language
+        "Python", or "MATLAB" for the twin.
+    plant
+        Settings of the plant.
+    **task
+        Parts of the task by name, as `TaskSpec` has them; `parameters` may be a dictionary of those
+        that differ from the published ones.
 
     Raises
     ------
     UprightError
-        If the agent or any name is unknown. An agent that knows only its default settings takes
-        them whatever the name.
+        If the agent or any name is unknown, or a value is impossible.
     """
     require_one_of("settings", label, ("default", "as-published"))
-    settings = named_settings(agent)
+    settings = AGENTS.settings(agent)
     if is_custom(agent):
-        fingerprint(
-            agent, task.get("plant", EQUATIONS).name
-        )  # now: the file may change once it is imported
+        settings["default"].agent(np.random.default_rng(0))  # refuses what is not an agent
+        fingerprint(agent, plant.name)  # now: the file may change once it is imported
     label = label if label in settings else "default"
-    return Case(agent, label, settings[label], **task)
+    return Case(agent, label, settings[label], TaskSpec.from_data(task), language, plant)

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from upright.errors import UprightError
-from upright.plants.equations import SETTINGS as EQUATIONS
+from upright.plants import describe_plant
 from upright.policies.files import export_policy
 from upright.policies.npz_file import arrays_of, save_policy
-from upright.policies.policy import TASK, Policy
+from upright.policies.policy import Policy
 from upright.studies.case import Case
 from upright.support.files import check_output
 
@@ -32,10 +32,7 @@ def check_policy(case: Case) -> None:
 
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
-    task = {name: getattr(case, name) for name in TASK} | {"seed": seed, "run": run}
-    if case.plant != EQUATIONS:
-        task["plant"] = case.plant.name
-    return Policy(case.agent, memory, task)
+    return Policy(case.agent, memory, case.spec, seed, run, describe_plant(case.plant))
 
 
 def check_learned(path: str, case: Case) -> None:

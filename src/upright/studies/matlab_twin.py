@@ -24,6 +24,8 @@ from upright.errors import UprightError, require
 from upright.support.files import digest
 from upright.support.interrupts import let_interrupts_through
 
+AGENTS = ("q-learning", "reinforce", "random-search")
+"""The agents that the twin has, too."""
 PROGRAMS = ("matlab", "octave-cli", "octave")
 """What can run it; the first that is found does."""
 CHOICE = "UPRIGHT_MATLAB"

@@ -21,9 +21,11 @@ from upright.core.task import Task
 from upright.core.trials import Result, trial
 from upright.pictures.picture import picture
 from upright.pictures.scene import Scene
+from upright.plants import describe_plant, restore_plant
+from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
-from upright.studies.random_streams import PLAYING_STREAM
+from upright.studies.random_streams import Stream, sequence
 from upright.studies.run import choose_loop, make_plant, outcome
 
 PAUSE = 25
@@ -82,21 +84,25 @@ class TrialOutcome(NamedTuple):
 def case_for(policy: Policy, **changes: Any) -> Case:
     """Return the case that a policy plays: what it learned on, but for the changes.
 
+    How long trials last does not come from there: the usual 60,000 steps unless given.
+
     Parameters
     ----------
     policy
-        Who plays.
+        The policy.
     **changes
-        Parts of a task by name, as `task.make_task` takes them.
+        Parts of the task by name, as `TaskSpec` has them; and `plant`, the settings of a plant,
+        which is the equations unless given.
 
     Raises
     ------
     UprightError
         If a name is unknown, or a number is not allowed.
     """
-    names = ("noise", "start", "integrator", "condition")
-    learned = {name: policy.task[name] for name in names}
-    return make_case(policy.agent, **(learned | changes))
+    learned = policy.learned_on.as_data()
+    learned = {name: learned[name] for name in ("noise", "start", "condition", "parameters")}
+    own = policy.plant if policy.plant["name"] == EQUATIONS.name else describe_plant(EQUATIONS)
+    return make_case(policy.agent, **({"plant": restore_plant(own)} | learned | changes))
 
 
 def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
@@ -132,11 +138,11 @@ def play_run(
 ) -> Result | None:
     """Play on a body that is there already, until a trial balances; None if that was stopped."""
     agent = policy if is_custom(policy.agent) else player(policy)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, PLAYING_STREAM)))
+    rng = np.random.default_rng(sequence(seed, 0, Stream.PLAYING))
     with closing(plant):
         loop = choose_loop(case, agent, plant)
         began = time.perf_counter()
-        balanced = loop(agent, plant, case.task(), rng, lengths, stop) > 0
+        balanced = loop(agent, plant, case.spec.task(), rng, lengths, stop) > 0
         seconds = time.perf_counter() - began
     return outcome(case, 0, balanced, lengths, seconds)
 
@@ -152,8 +158,7 @@ def prepare(
 ) -> tuple[Plant, Task, np.random.Generator]:
     """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
     plant, task = make_plant(case, seed, episode, stop)
-    numbers = np.random.SeedSequence(seed, spawn_key=(episode, PLAYING_STREAM))
-    return plant, task, np.random.default_rng(numbers)
+    return plant, task, np.random.default_rng(sequence(seed, episode, Stream.PLAYING))
 
 
 class _Recorder:

@@ -33,7 +33,7 @@ def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Stor
             nonlocal steps
             steps += int(result.lengths.sum())
             rate = steps / (bar.tasks[0].elapsed or 1e-9) / 1e6
-            described = f"{case.name}, {case.noise}"
+            described = f"{case.name}, {case.spec.noise}"
             bar.update(task, advance=1, description=described, rate=f"{rate:.1f} M steps/s")
 
         study(cases, runs, seed, store, show)

@@ -1,17 +1,34 @@
-"""The streams of random numbers: every one that a run draws from, in one place."""
+"""The streams of random numbers: every one that a run draws from, in one place.
 
+Streams of different purposes are independent: what one draws never changes another.
+"""
+
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from upright.studies import matlab_twin
 
-PLANT_STREAM = 3
-"""Tells the random numbers that a body draws itself from those of its run."""
+
+class Stream(IntEnum):
+    """What a stream of random numbers is for, besides the run itself."""
+
+    PARAMETERS = 1
+    """Draws the parameters of a plant that varies from run to run."""
+    PLAYING = 2
+    """Serves a trial in which a learned policy plays."""
+    PLANT = 3
+    """Seeds a plant that draws random numbers itself."""
+
+
+def sequence(seed: int, run: int, stream: Stream) -> np.random.SeedSequence:
+    """Return what begins a stream of a run, or of a trial that is played."""
+    return np.random.SeedSequence(seed, spawn_key=(run, int(stream)))
 
 
 def random_numbers(seed: int, run: int) -> np.random.Generator:
-    """Return the stream of random numbers that is this run's own."""
+    """Return the random numbers that a run draws: its agent, its starts, its noise."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
 
 
@@ -35,7 +52,3 @@ def twister_numbers(seed: int, run: int) -> np.random.Generator:
     """
     matlab_twin.check_seed(seed)
     return twister(10**6 * seed + run + 1)
-
-
-PLAYING_STREAM = 2
-"""Tells random numbers for playing from those for learning and for drawing a plant."""

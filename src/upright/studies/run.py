@@ -12,13 +12,14 @@ from upright.agents.custom import is_learner
 from upright.core.compiled import explain, is_compiled
 from upright.core.conditions import CONDITIONS
 from upright.core.contracts import Plant
-from upright.core.loops import bound_run, compiled_run, custom_run
+from upright.core.loops import loop_for
 from upright.core.task import Task, draw_plant
 from upright.core.trials import Result
-from upright.core.trials import run as run_trials
 from upright.errors import UprightError, require_module, require_one_of
+from upright.plants import PLANTS
+from upright.plants.settings import RunContext
 from upright.studies.case import Case
-from upright.studies.random_streams import PLANT_STREAM, random_numbers
+from upright.studies.random_streams import Stream, random_numbers, sequence
 
 
 def make_run_task(case: Case, seed: int, run: int) -> Task:
@@ -26,37 +27,30 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
 
     All agents meet the same plant in the run of this number.
     """
-    task = case.task()
-    if CONDITIONS[case.condition].varies_plant:
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run, 1)))
+    task = case.spec.task()
+    if CONDITIONS[case.spec.condition].varies_plant:
+        rng = np.random.default_rng(sequence(seed, run, Stream.PARAMETERS))
         task = task._replace(parameters=draw_plant(task.parameters, rng))
     return task
 
 
 def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:
-    """Return the body of a run, and what of the run's task is left to the loop."""
-    numbers = np.random.SeedSequence(seed, spawn_key=(run, PLANT_STREAM))
-    own = int(numbers.generate_state(1)[0]) // 2  # a whole number that ROS 2 takes, too
-    return case.plant.make(make_run_task(case, seed, run), case.noise, own, stop)
+    """Return the plant of a run, and the task that is left to the loop."""
+    own = int(sequence(seed, run, Stream.PLANT).generate_state(1)[0]) // 2  # ROS 2 takes it, too
+    context = RunContext(make_run_task(case, seed, run), case.spec, own, stop)
+    return case.plant.make(context)
 
 
 def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
-    """Return the loop for an agent and a plant: compiled, or in Python if one of them is not.
-
-    For a learner that only knows Gymnasium it is the learner's own.
-    """
+    """Return the loop for an agent and a plant; for a learner that knows Gymnasium, its driver."""
     if is_learner(agent):
         require_one_of("plant of learners that only know Gymnasium", case.plant.name, ["equations"])
         require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
         from upright.environments.trial_protocol import run_learner
 
         return run_learner
-    if not is_compiled(agent):
-        return run_trials
-    if not is_compiled(plant):
-        return bound_run
-    kind: Any = type(agent)
-    return custom_run(kind) if is_custom(case.agent) else compiled_run
+    ours = not is_custom(case.agent) and case.plant.name in PLANTS.built_in
+    return loop_for(agent, plant, kept=ours)
 
 
 def make_run(
@@ -73,8 +67,8 @@ def make_run(
     Parameters
     ----------
     lengths
-        Where the length of each trial is written as it ends, shape (case.trials,), int64; for a
-        thread that watches.
+        Where the length of each trial is written as it ends, shape (case.spec.trials,), int64; for
+        a thread that watches.
     stop
         Set its one element, a bool, to end the run before its next trial.
     numbers
@@ -96,7 +90,7 @@ def make_run(
     """
     rng = (numbers or random_numbers)(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
-    lengths = np.zeros(case.trials, np.int64) if lengths is None else lengths
+    lengths = np.zeros(case.spec.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
     if plant is None:
         plant, task = make_plant(case, seed, run, stop)
@@ -115,7 +109,7 @@ def outcome(
 ) -> Result | None:
     """Return the result of a run whose trials had these lengths; None if it was stopped."""
     made = lengths[lengths > 0]
-    stopped = not success and len(made) < case.trials
+    stopped = not success and len(made) < case.spec.trials
     return None if stopped else Result(run, success, made, seconds)
 
 

@@ -11,11 +11,10 @@ from queue import SimpleQueue
 
 import numpy as np
 
-from upright.agents import is_custom, restore_settings
+from upright.agents import is_custom
 from upright.core.compiled import is_compiled
 from upright.core.trials import Result
 from upright.errors import UprightError, require
-from upright.plants import restore_plant
 from upright.studies import matlab_twin
 from upright.studies.case import Case
 from upright.studies.run import make_run
@@ -70,7 +69,7 @@ def study(
     check_study(runs, seed)
     missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
-    twins = {case.wanted(seed, missing[case]): case for case in missing if case not in ours}
+    twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
 
     def keep(case: Case, result: Result) -> None:
         store.add(case.key, seed, result)
@@ -152,9 +151,5 @@ def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
     found = []
     with Store(path, must_exist=True) as store:
         for values, key, seed in store.cases():
-            settings = restore_settings(values["agent"], values.pop("settings"))
-            plant = restore_plant(values.pop("plant", {"name": "equations"}))
-            values.pop("rule")
-            case = Case(settings=settings, plant=plant, **values)
-            found.append((case, seed, store.results(key, seed)))
+            found.append((Case.from_data(values), seed, store.results(key, seed)))
     return found

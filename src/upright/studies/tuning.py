@@ -19,13 +19,13 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from upright.agents import Settings, named_settings
+from upright.agents import AGENTS, Settings
 from upright.errors import UprightError, require, require_module
 from upright.studies.case import Case
 from upright.studies.fingerprint import fingerprint
@@ -82,9 +82,9 @@ class Search:
     def key(self) -> dict[str, Any]:
         """Return all that determines what a candidate is worth, as JSON knows it."""
         case = self.cases[0]
-        values = {name: value for name, value in asdict(case).items() if name != "label"}
-        values |= {
-            "noise": [each.noise for each in self.cases],
+        values = case.as_data() | {
+            "label": None,
+            "task": [each.spec.as_data() for each in self.cases],
             "space": [list(each) for each in self.space],
             "runs": self.runs,
             "seed": self.seed,
@@ -404,11 +404,11 @@ def describe(
     )
     learn = [f"upright learn {case.agent}"]
     learn += [f"--settings {label}"] if label != "default" else []
-    learn += as_options(settings, named_settings(case.agent)[label])
+    learn += as_options(settings, AGENTS.settings(case.agent)[label])
     lines = [
         f"best of {found.candidates} candidates ({found.given_up} given up early), "
         f"chosen by {found.mean_trials:.1f} trials on {wanted.runs} runs a case;",
-        f"on fresh runs, a failed one counted as {case.trials:,}: mean trials [95 % interval]",
+        f"on fresh runs, a failed one counted as {case.spec.trials:,}: mean trials [95 % interval]",
         f"  found   {tuned}",
         f"  before  {start}",
     ]

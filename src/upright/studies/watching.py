@@ -93,7 +93,7 @@ def watch(
     KeyboardInterrupt
         If interrupted.
     """
-    lengths = np.zeros(case.trials, np.int64)
+    lengths = np.zeros(case.spec.trials, np.int64)
     stop = np.zeros(1, np.bool_) if stop is None else stop
     told = 0
 
@@ -127,8 +127,8 @@ def watch(
 
 def print_trial(case: Case, number: int, length: int) -> None:
     """Print a trial of so many steps, with a bar that is logarithmic."""
-    seconds = length * case.task().parameters.time_step
-    bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.steps)))
+    seconds = length * case.spec.time_step
+    bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.spec.steps)))
     print(f"trial {number:4d} {length:9,d} steps {seconds:10,.1f} s  {bar}", flush=True)
 
 
@@ -136,11 +136,11 @@ def _ending(case: Case, result: Result) -> str:
     if not result.success:
         longest = int(result.lengths.max())
         return f"not balanced within {result.trials:,} trials; the longest was {longest:,} steps"
-    simulated = case.steps * case.task().parameters.time_step
+    simulated = case.spec.steps * case.spec.time_step
     time = f"{simulated / 60:,.0f} minutes" if simulated >= 120 else f"{simulated:,.0f} seconds"
     return (
-        f"balanced at trial {result.trials}: {case.steps:,} steps, {time} of simulated time; the "
-        f"run took {result.seconds:.2f} s"
+        f"balanced at trial {result.trials}: {case.spec.steps:,} steps, {time} of simulated time; "
+        f"the run took {result.seconds:.2f} s"
     )
 
 
@@ -172,7 +172,7 @@ def watch_play(
     UprightError
         If a library is missing, there is no display, or the video cannot be written.
     """
-    rate = 1 / case.task().parameters.time_step
+    rate = 1 / case.spec.time_step
     played: list[TrialOutcome] = []
 
     def tell(trial: TrialOutcome) -> None:
@@ -181,7 +181,7 @@ def watch_play(
 
     frames = pictures(policy, case, episodes, seed, tell)
     if window:
-        frames = _shown(frames, Window(f"{policy.agent}, {case.noise}", rate))
+        frames = _shown(frames, Window(f"{policy.agent}, {case.spec.noise}", rate))
     try:
         if video:
             write_video(video, frames, rate)

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from upright.errors import UprightError
+from upright.errors import Stopped, UprightError
 
 FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
 """Exit statuses besides 0."""
@@ -16,7 +16,7 @@ def exit_status(work: Callable[[], int]) -> int:
     except UprightError as error:
         print(f"upright: error: {error}", file=sys.stderr)
         return BAD_USE
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Stopped):
         print("upright: stopped", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:

@@ -41,6 +41,12 @@ def refuse_former_name(settings: Fields, name: str) -> None:
         raise UprightError(f"{name} is now called {renamed(settings)[name]}")
 
 
+def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
+    """Return by name the values of settings that differ from the usual ones."""
+    values = values_of(usual)
+    return {name: value for name, value in values_of(settings).items() if value != values[name]}
+
+
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     """Return settings like the default ones with the values that were written to a file as JSON.
 

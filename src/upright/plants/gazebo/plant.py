@@ -16,10 +16,10 @@ from upright.core.cartpole import has_fallen
 from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
 from upright.core.task import Task
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import Stopped, UprightError, require, require_one_of
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.server import RESET, STEP, Server, ServerGoneError
-from upright.plants.settings import count_steps
+from upright.plants.settings import RunContext, count_steps
 
 ENGINES = ("dart", "ode")
 """Gazebo's engines that were compared with the equations."""
@@ -56,7 +56,7 @@ class Gazebo:
                 "half a second the pole's angular velocity is off by 0.05 rad/s and more"
             )
 
-    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Start Gazebo, and return its plant and the task.
 
         Raises
@@ -64,7 +64,8 @@ class Gazebo:
         UprightError
             If Gazebo is missing or does not start, or the time steps do not fit.
         """
-        return GazeboCart(self, check_parameters(task.parameters), stop), task
+        parameters = check_parameters(context.task.parameters)
+        return GazeboCart(self, parameters, context.stop), context.task
 
     def version(self) -> str:
         """Return the version of Gazebo."""
@@ -108,11 +109,11 @@ class GazeboCart:
         ------
         UprightError
             If the server dies again and again.
-        KeyboardInterrupt
+        Stopped
             If the run was stopped.
         """
         if self._stop[0]:
-            raise KeyboardInterrupt
+            raise Stopped
         if self._settings.real_time_factor:
             self._wait()
         return self._ask(STEP, self._steps, State(force, 0.0, 0.0, 0.0))
@@ -152,4 +153,4 @@ class GazeboCart:
         raise UprightError(f"gzserver died {1 + RESTARTS} times in the same step")
 
 
-SETTINGS = Gazebo()
+SETTINGS = {"default": Gazebo()}

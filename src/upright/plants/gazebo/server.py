@@ -15,7 +15,7 @@ from shutil import rmtree
 import numpy as np
 
 from upright.core.parameters import Parameters, State
-from upright.errors import UprightError
+from upright.errors import Stopped, UprightError
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.world import write_world
 from upright.support.processes import end_process, share_core
@@ -62,7 +62,7 @@ class Server:
     gui
         Whether gzclient shows what happens.
     stop
-        Shape (1,), bool. Once it is set, a start is given up by KeyboardInterrupt.
+        Shape (1,), bool. Once it is set, a start is given up by raising Stopped.
 
     Raises
     ------
@@ -150,7 +150,7 @@ class Server:
             with suppress(TimeoutError):
                 return listener.accept()[0]
             if stop[0]:
-                raise KeyboardInterrupt
+                raise Stopped
             if self._process.poll() is not None:
                 raise UprightError(f"gzserver ended as it started{self._last_words()}")
         raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from upright.errors import UprightError
+from upright.errors import Stopped, UprightError
 from upright.support.files import replacing
 from upright.support.processes import end_process
 
@@ -53,7 +53,7 @@ def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
             pixels = _wait_for_picture(screen, playing)
         finally:
             stop[0] = True
-        with suppress(KeyboardInterrupt):  # it was stopped
+        with suppress(Stopped):
             playing.result()
     _write_picture(pixels, path)
 

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from upright.core.cartpole import has_fallen
 from upright.core.parameters import Parameters, State
-from upright.errors import UprightError
+from upright.errors import Stopped, UprightError
 from upright.plants.ros2.messages import Joints
 from upright.plants.ros2.node import HEARD, POLL, QOS, ParameterValues, make_executor, new_node
 from upright.plants.ros2.topics import (
@@ -100,7 +100,7 @@ class Cart:
         ------
         UprightError
             If the cart does not answer, or refuses, or is not alone.
-        KeyboardInterrupt
+        Stopped
             If the run was stopped.
         """
         if (carts := self._node.count_publishers(STATUS)) > 1:
@@ -134,7 +134,7 @@ class Cart:
         ------
         UprightError
             If the force is beyond the limit, measurements cease, or the cart reports a fault.
-        KeyboardInterrupt
+        Stopped
             If the run was stopped.
         """
         if not abs(force) <= self._parameters.force:
@@ -208,7 +208,7 @@ class Cart:
         while not ready():
             left = until - time.monotonic()
             if self._stop[0]:
-                raise KeyboardInterrupt
+                raise Stopped
             if self._fault:
                 raise UprightError(f"the cart reports a {self._fault}")
             if left < 0:
@@ -216,7 +216,7 @@ class Cart:
             try:
                 self._executor.spin_once(timeout_sec=min(left, poll))
             except ExternalShutdownException:
-                raise KeyboardInterrupt from None
+                raise Stopped from None
         return True
 
     def _on_state(self, raw: bytes) -> None:

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from upright.core.conditions import Noise
 from upright.core.contracts import Plant
-from upright.core.parameters import Parameters
+from upright.core.parameters import changed_parameters
 from upright.core.task import Task
 from upright.errors import UprightError, require, require_module
 from upright.plants.ros2.topics import Waiting
+from upright.plants.settings import RunContext
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Ros2:
         require("watchdog", self.watchdog, 0, 3600, above=True)
         require("patience", self.patience, 0, 3600, above=True)
 
-    def make(self, task: Task, noise: str, seed: int, stop: np.ndarray) -> tuple[Plant, Task]:
+    def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Find a simulator, have it make the noise, and return it with the task without noise.
 
         Raises
@@ -39,11 +38,18 @@ class Ros2:
             If ROS 2 is missing, there is no simulator, or it cannot do the task.
         """
         require_rclpy()
-        if task.parameters != Parameters():
-            raise UprightError("plant is 'ros2'; the simulator has the nominal parameters alone")
         from upright.plants.ros2.cart import open_cart
 
-        cart = open_cart(self.waiting, task.parameters, stop, {"noise": noise, "seed": seed})
+        task = context.task
+        changes = changed_parameters(task.parameters)
+        if "time_step" in changes:
+            raise UprightError(
+                f"time_step is {changes['time_step']}; on plant 'ros2' it is the simulator's: "
+                "upright ros2 simulate --rate"
+            )
+        parameters = ",".join(f"{name}={value!r}" for name, value in changes.items())
+        simulated = {"noise": context.spec.noise, "seed": context.seed, "parameters": parameters}
+        cart = open_cart(self.waiting, task.parameters, context.stop, simulated)
         left = Noise(hides_velocities=task.noise.hides_velocities)
         return cart, task._replace(noise=left)
 
@@ -62,4 +68,4 @@ def require_rclpy() -> None:
     require_module("rclpy", "ROS 2 is missing; source its setup.bash, or", "ros2")
 
 
-SETTINGS = Ros2()
+SETTINGS = {"default": Ros2()}

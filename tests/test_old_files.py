@@ -1,0 +1,65 @@
+"""Files that earlier versions wrote are still read.
+
+`data/0.1.0` holds policies, a store, and what version 0.1.0 made of them. They stay as they are:
+their headers have the names of settings and of parts of a task that version had.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from upright.core.parameters import State
+from upright.policies.files import load_policy
+from upright.studies.playing import case_for, play
+
+FOLDER = Path(__file__).parent / "data/0.1.0"
+EXPECTED = json.loads((FOLDER / "expected.json").read_text())
+COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+LIMITS = State(2.4, 2.0, 0.2, 2.0)
+
+
+def play_three(policy):
+    """Play on the task that the policy learned on, its integrator included."""
+    case = case_for(policy, steps=1000)
+    return [[trial.steps, trial.balanced] for trial in play(policy, case, 3, seed=11)]
+
+
+def pushes(policy):
+    observations = (2 * np.random.default_rng(5).random((6, 4)) - 1) * LIMITS
+    return [policy.push_probability(State(*each)) for each in observations.tolist()]
+
+
+def figures(path):
+    policy = load_policy(path)
+    return {"agent": policy.agent, "pushes": pushes(policy), "trials": play_three(policy)}
+
+
+def show(path):
+    return subprocess.run(
+        [*COMMAND, "show", str(path)], capture_output=True, text=True, timeout=100, check=True
+    ).stdout
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED["policies"]))
+def test_a_policy_plays_as_it_did(name):
+    assert figures(FOLDER / name) == EXPECTED["policies"][name]
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED["policies"]))
+def test_a_policy_is_shown(name):
+    assert EXPECTED["policies"][name]["agent"] in show(FOLDER / name)
+
+
+def test_every_file_is_read():
+    found = {path.name for path in FOLDER.iterdir()}
+    assert found == {*EXPECTED["policies"], "store.sqlite", "expected.json"}
+
+
+def test_the_rows_of_a_store_are_shown():
+    lines = [" ".join(line.split()) for line in show(FOLDER / "store.sqlite").splitlines()]
+    for row in EXPECTED["rows"]:
+        assert any(line.startswith(row) for line in lines), row
