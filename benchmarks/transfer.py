@@ -15,7 +15,7 @@ from upright.plants import PLANTS as REGISTERED
 from upright.studies.case import make_case
 from upright.studies.intervals import wilson_interval
 from upright.studies.learned import learned_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 from upright.studies.run import make_run
 from upright.support.processes import process_pool
 
@@ -43,7 +43,7 @@ def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
         return None
     policy = learned_policy(case, 0, run, memory)
     cases = [case_for(policy, steps=steps, plant=REGISTERED.default(plant)) for plant in PLANTS]
-    return [next(play(policy, case, 1, run)).steps for case in cases]
+    return [next(play_trials(policy, case, 1, run)).steps for case in cases]
 
 
 def transfer_all(

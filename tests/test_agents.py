@@ -18,9 +18,9 @@ from upright.agents import AGENTS
 from upright.agents.parts.policy_form import Table
 from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.policies.files import load_policy
+from upright.policies.files import load_policy, save_policy
 from upright.policies.form_player import make_memory
-from upright.policies.npz_file import arrays_of, save_policy
+from upright.policies.npz_file import arrays_of
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
 from upright.studies.run import make_run
@@ -132,7 +132,7 @@ def test_a_policy_saved_under_former_names_is_read(name, tmp_path):
     case = make_case(name, steps=500, trials=5)
     policy = learned_policy(case, 3, 0, make_run(case, 3, 0)[0])
     path = tmp_path / "policy.npz"
-    save_policy(path, policy, case.settings)
+    save_policy(path, policy)
     write_as_before(path, case.settings)
     again = load_policy(path)
     assert type(again.memory) is type(policy.memory)
@@ -145,7 +145,7 @@ def test_a_policy_saved_under_former_names_is_read(name, tmp_path):
 def test_a_file_with_an_array_by_both_its_names_is_refused(tmp_path):
     case = make_case("ase-ace", steps=500, trials=5)
     path = tmp_path / "policy.npz"
-    save_policy(path, learned_policy(case, 3, 0, make_run(case, 3, 0)[0]), case.settings)
+    save_policy(path, learned_policy(case, 3, 0, make_run(case, 3, 0)[0]))
     with zipfile.ZipFile(path) as archive:
         written = archive.read("visit_traces.npy")
     with zipfile.ZipFile(path, "a") as archive:

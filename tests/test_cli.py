@@ -12,7 +12,7 @@ import pytest
 from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
 from upright.commands.cli import run
-from upright.policies.npz_file import save_policy
+from upright.policies.files import save_policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
@@ -36,7 +36,7 @@ def keep_policy(path: Path, weights: Sequence[float]) -> None:
     case = make_case("random-search", start="wide")
     memory = case.settings.agent(None)
     memory.weights[:] = weights
-    save_policy(path, learned_policy(case, 0, 0, memory), case.settings)
+    save_policy(path, learned_policy(case, 0, 0, memory))
 
 
 @pytest.fixture

@@ -22,10 +22,10 @@ from upright.core.parameters import State
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
-from upright.policies.c99 import c_header
-from upright.policies.files import export_policy
-from upright.policies.npz_file import save_policy
-from upright.policies.onnx import IR_VERSION, OPSET, onnx_model
+from upright.policies.c99 import encode as c_header
+from upright.policies.files import export_policy, save_policy
+from upright.policies.onnx import IR_VERSION, OPSET
+from upright.policies.onnx import encode as onnx_model
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -278,7 +278,9 @@ def test_onnx_that_is_not_installed_is_told_in_one_line(monkeypatch, tmp_path, c
     path = saved("random-search", tmp_path)
     monkeypatch.setitem(sys.modules, "onnx", None)
     assert run(["export", str(path), str(tmp_path / "policy.onnx")]) == BAD_USE
-    assert capsys.readouterr().err.endswith("pip install 'upright[onnx]'\n")
+    assert capsys.readouterr().err.endswith(
+        "pip install 'onnx>=1.16' (the extra 'onnx' of upright)\n"
+    )
     assert not (tmp_path / "policy.onnx").exists()
 
 
@@ -313,7 +315,7 @@ def test_the_example_in_python_runs(tmp_path, monkeypatch):
 def saved(agent, folder):
     case = make_case(agent, steps=20, trials=2)
     path = folder / "policy.npz"
-    save_policy(path, learned_policy(case, 0, 0, make_run(case, 0, 0)[0]), case.settings)
+    save_policy(path, learned_policy(case, 0, 0, make_run(case, 0, 0)[0]))
     return path
 
 

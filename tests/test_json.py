@@ -19,17 +19,16 @@ from upright.agents.q_learning import QLearning
 from upright.commands.cli import run
 from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.policies.c99 import c_header
+from upright.policies.c99 import encode as c_header
 from upright.policies.checks import LONGEST_ERROR
-from upright.policies.files import export_policy, load_policy, read_header
+from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.form_json import MOST_LAYERS, MOST_WEIGHTS, UNITS, form_entries, restore_form
 from upright.policies.form_player import make_memory
 from upright.policies.json_file import JSON_FORMAT, JSON_LIMIT, JSON_MARKS
-from upright.policies.npz_file import save_policy
 from upright.policies.policy import Policy, describe
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE
 
@@ -75,7 +74,7 @@ def saved(request, tmp_path_factory):
     steps = 20 if request.param == "adaptive-lqr" else 2000
     case = make_case(request.param, trials=5, steps=steps, start="zero")
     policy = learned_policy(case, 0, 0, make_run(case, 0, 0)[0])
-    save_policy(folder / "policy.npz", policy, case.settings)
+    save_policy(folder / "policy.npz", policy)
     found = Saved(policy, str(folder / "policy.npz"), str(folder / "policy.json"))
     assert run(["export", found.npz, found.json]) == 0
     return found
@@ -122,7 +121,9 @@ def test_answers_are_those_of_the_agent(saved):
 
 def test_trials_are_those_of_the_agent(saved):
     first, second = load_policy(saved.npz), load_policy(saved.json)
-    trials = [list(play(each, case_for(each, **HARD), 8, seed=3)) for each in (first, second)]
+    trials = [
+        list(play_trials(each, case_for(each, **HARD), 8, seed=3)) for each in (first, second)
+    ]
     assert trials[0] == trials[1]
     assert len({trial.steps for trial in trials[0]}) > 1
 

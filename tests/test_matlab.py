@@ -29,7 +29,7 @@ from upright.studies import matlab_twin
 from upright.studies.case import make_case
 from upright.studies.intervals import bootstrap_interval, wilson_interval
 from upright.studies.learned import learned_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 from upright.studies.random_streams import twister_numbers
 from upright.studies.run import make_run
 from upright.studies.store import Store
@@ -258,10 +258,10 @@ def test_a_policy_learned_in_one_language_balances_in_the_other(agent, tmp_path)
     theirs, ours = (load_policy(tmp_path / f"{name}.json") for name in ("octave", "python"))
     assert theirs.agent == agent
     assert theirs.task["steps"] == 5000
-    played = list(play(theirs, case_for(theirs, steps=2000), 3, seed=5))
+    played = list(play_trials(theirs, case_for(theirs, steps=2000), 3, seed=5))
     assert any(trial.balanced for trial in played)
     # It is the same run, so the same policy.
-    assert played == list(play(ours, case_for(ours, steps=2000), 3, seed=5))
+    assert played == list(play_trials(ours, case_for(ours, steps=2000), 3, seed=5))
     for row in np.random.default_rng(3).uniform(-1, 1, (300, 4)) * (2.4, 2, 0.2, 2):
         assert abs(theirs.push_probability(row) - ours.push_probability(row)) < 1e-6
 

@@ -16,8 +16,7 @@ from upright.agents.ndp import (
 )
 from upright.core.parameters import State
 from upright.errors import UprightError
-from upright.policies.files import load_policy
-from upright.policies.npz_file import save_policy
+from upright.policies.files import load_policy, save_policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
 from upright.studies.run import make_run
@@ -372,7 +371,7 @@ def test_a_seed_gives_the_same_run_again():
 def test_a_policy_read_back_balances_alike(tmp_path):
     case = make_case("ndp", steps=3000)
     policy = learned_policy(case, 5, 3, make_run(case, 5, 3)[0])
-    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    save_policy(tmp_path / "policy.npz", policy)
     again = load_policy(tmp_path / "policy.npz")
     pushes = set()
     for point in np.random.default_rng(11).normal(0, 0.2, (100, 4)):

@@ -14,7 +14,7 @@ import pytest
 
 from upright.core.parameters import State
 from upright.policies.files import load_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 
 FOLDER = Path(__file__).parent / "data/0.1.0"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
@@ -25,7 +25,7 @@ LIMITS = State(2.4, 2.0, 0.2, 2.0)
 def play_three(policy):
     """Play on the task that the policy learned on, its integrator included."""
     case = case_for(policy, steps=1000)
-    return [[trial.steps, trial.balanced] for trial in play(policy, case, 3, seed=11)]
+    return [[trial.steps, trial.balanced] for trial in play_trials(policy, case, 3, seed=11)]
 
 
 def pushes(policy):

@@ -12,7 +12,15 @@ from upright.pictures.picture import HEIGHT, WIDTH
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
-from upright.studies.playing import PAUSE, TrialOutcome, case_for, pictures, play, prepare, record
+from upright.studies.playing import (
+    PAUSE,
+    TrialOutcome,
+    case_for,
+    pictures,
+    play_trials,
+    prepare,
+    record,
+)
 from upright.studies.run import make_run
 from upright.studies.watching import watch_play
 
@@ -39,7 +47,7 @@ def learned():
 def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned):
     policy = learned[agent]
     case = case_for(policy, **changes)
-    compiled = list(play(policy, case, 8, seed=3))
+    compiled = list(play_trials(policy, case, 8, seed=3))
     for episode, played in enumerate(compiled):
         steps, fallen = trial(policy, *prepare(case, 3, episode, GO_ON))
         assert played == TrialOutcome(steps, not fallen)
@@ -53,7 +61,7 @@ def test_a_policy_from_outside_plays_in_python():
 
     policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), {})
     case = make_case("random-search", steps=500)
-    assert list(play(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
+    assert list(play_trials(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
 
 
 @pytest.mark.parametrize(
@@ -68,7 +76,7 @@ def test_playing_teaches_nothing(agent, parts, learned):
     policy = learned[agent]
     kept = [array for part in parts for array in arrays((getattr(policy.memory, part),))]
     before = [array.copy() for array in kept]
-    list(play(policy, case_for(policy, **HARD), 5, seed=0))
+    list(play_trials(policy, case_for(policy, **HARD), 5, seed=0))
     for array, old in zip(kept, before, strict=True):
         np.testing.assert_array_equal(array, old)
         assert array.any()
@@ -78,16 +86,16 @@ def test_a_policy_with_a_history_remembers_and_forgets(learned):
     policy = learned["adaptive-lqr"]
     case = case_for(policy, steps=5)
     for _ in range(2):
-        assert list(play(policy, case, 1, seed=0)) == [TrialOutcome(5, True)]
+        assert list(play_trials(policy, case, 1, seed=0)) == [TrialOutcome(5, True)]
         assert policy.memory.steps[0] == 5
 
 
 def test_a_trial_depends_on_its_number_and_the_seed_alone(learned):
     policy = learned["q-learning"]
     case = case_for(policy, **HARD)
-    few, many = (list(play(policy, case, count, seed=1)) for count in (3, 6))
+    few, many = (list(play_trials(policy, case, count, seed=1)) for count in (3, 6))
     assert many[:3] == few
-    assert list(play(policy, case, 3, seed=2)) != few
+    assert list(play_trials(policy, case, 3, seed=2)) != few
     starts = [record(policy, *prepare(case, 1, i, GO_ON))[0][0].state for i in range(3)]
     assert len(set(starts)) == 3
 
@@ -104,7 +112,7 @@ def test_a_policy_plays_what_it_learned_on_but_for_the_changes():
     policy = learned_policy(case, 0, 0, case.settings.agent(None))
     assert case_for(policy) == case
     changed = case_for(policy, noise="none", steps=7)
-    assert (changed.noise, changed.steps) == ("none", 7)
+    assert (changed.spec.noise, changed.spec.steps) == ("none", 7)
     assert (changed.start, changed.condition) == ("zero", "delay-1")
     with pytest.raises(UprightError, match="'loud'"):
         case_for(policy, noise="loud")
@@ -150,7 +158,7 @@ def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeyp
     policy = learned["random-search"]
     case = case_for(policy, noise="gaussian-0.2", start="wide", steps=100)
     shown = list(pictures(policy, case, 4, 5, told.append))
-    assert told == list(play(policy, case, 4, 5))
+    assert told == list(play_trials(policy, case, 4, 5))
     assert not all(played.balanced for played in told)
     assert len(shown) == sum(played.steps + 1 + PAUSE for played in told)
     assert len(captions) == sum(played.steps + 1 for played in told)

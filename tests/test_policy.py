@@ -15,8 +15,8 @@ from upright.agents.reinforce import MOST_KEPT, Reinforce
 from upright.commands.cli import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
-from upright.policies.files import load_policy, read_header
-from upright.policies.npz_file import FORMAT, save_policy
+from upright.policies.files import load_policy, read_header, save_policy
+from upright.policies.npz_file import FORMAT
 from upright.policies.policy import describe
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
@@ -42,7 +42,7 @@ def content(tmp_path_factory):
     """The file of a small policy, that of random search."""
     path = tmp_path_factory.mktemp("policy") / "policy.npz"
     case, policy = learn("random-search")
-    save_policy(path, policy, case.settings)
+    save_policy(path, policy)
     return path.read_bytes()
 
 
@@ -56,7 +56,7 @@ def path(content, tmp_path):
 
 def test_a_policy_read_back_balances_alike(learned, tmp_path):
     case, policy = learned
-    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    save_policy(tmp_path / "policy.npz", policy)
     again = load_policy(tmp_path / "policy.npz")
     assert again.task == policy.task == LEARNED_ON
     for point in np.random.default_rng(0).normal(0, 0.2, (200, 4)):
@@ -79,7 +79,7 @@ def test_playing_teaches_nothing():
 
 def test_the_file_holds_its_contract(learned, tmp_path, capsys):
     case, policy = learned
-    save_policy(tmp_path / "policy.npz", policy, case.settings)
+    save_policy(tmp_path / "policy.npz", policy)
     header = read_header(tmp_path / "policy.npz")
     assert header.pop("format") == FORMAT
     assert header.pop("settings") == json.loads(json.dumps(asdict(case.settings)))

@@ -40,7 +40,7 @@ from upright.plants import PLANTS
 from upright.plants.gazebo.installation import find_gazebo
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
-from upright.studies.playing import case_for, play
+from upright.studies.playing import case_for, play_trials
 from upright.studies.random_streams import twister_numbers
 from upright.studies.run import make_run
 from upright.support.settings import change_settings
@@ -74,7 +74,7 @@ def learned_in(case: Any, run: int = 0, twister: bool = False) -> tuple[Any, Any
 
 def played(case: Any, memory: Any, episodes: int, **changes: Any) -> list[Any]:
     policy = learned_policy(case, SEED, 0, memory)
-    return list(play(policy, case_for(policy, **changes), episodes, SEED))
+    return list(play_trials(policy, case_for(policy, **changes), episodes, SEED))
 
 
 LEARNED = (

@@ -411,7 +411,8 @@ def test_without_optuna_one_line_says_how_to_get_it():
     code = "import sys; sys.modules['optuna'] = None\nfrom upright.commands.cli import run\n"
     ended = python(code + "raise SystemExit(run(['tune', 'q-learning']))")
     assert ended.returncode == BAD_USE
-    assert ended.stderr == "upright: error: tuning needs Optuna: pip install 'upright[tune]'\n"
+    command = "pip install 'optuna>=4.0' (the extra 'tune' of upright)"
+    assert ended.stderr == f"upright: error: tuning needs Optuna: {command}\n"
 
 
 def candidates_kept(path) -> Iterator[int]:

@@ -1,7 +1,158 @@
-"""Upright: learning to balance an inverted pendulum."""
+"""Learning to balance an inverted pendulum, fast and honestly measured.
 
-from upright.environments.registration import register_environments
+A pole stands on a cart that can only be pushed left or right. An agent that knows nothing of the
+physics must learn, from falling, to keep it up: for 60,000 steps of 0.02 s, unless told otherwise.
 
-__version__ = "0.1.0"
+A first run
+-----------
+Let an agent learn until a trial succeeds, and see how long each of its trials lasted:
 
-register_environments()
+>>> import upright
+>>> policy, result = upright.learn("reinforce", steps=1000, seed=1)
+>>> result.success, result.trials, int(result.lengths[-1])
+(True, 7, 1000)
+
+Let what it learned play, here under noise that it did not meet, and keep it in a file:
+
+>>> played = upright.play(policy, episodes=3, noise="sensor-5")
+>>> [outcome.steps for outcome in played]
+[1000, 1000, 1000]
+>>> upright.save_policy("policy.npz", policy)
+
+How it flows
+------------
+Parameters → plant → noise → agent → trial → run → store → table:
+
+- A *plant* moves as its *parameters* (masses, lengths, friction) say; *noise* disturbs the push and
+  what the agent measures. With a start and the lengths of trials and runs they make a *task*.
+- A *trial* lasts until the pole falls, or has been up for the `steps` of a success. A *run* is one
+  new agent that learns from trial to trial until one succeeds; its *result* counts every trial.
+- A *case* is an agent with its settings on a task. A *study* makes many runs of some cases, on all
+  cores; a *store* keeps them in a file. A *table* has the statistics of each case.
+
+>>> case = upright.make_case("random-search", noise="gaussian-0.1", steps=500)
+>>> results = upright.study([case], runs=5, seed=0)
+>>> [result.trials for result in results[case]]
+[8, 3, 5, 4, 4]
+>>> print(upright.render([upright.summarise(case, 0, results[case])], "text"))  # doctest: +ELLIPSIS
+Agent          Settings  Noise  ...
+
+One seed gives one result, whatever the machine, the number of cores or the order of the runs.
+
+The names
+---------
+A task
+    `TaskSpec` by names, `Task` in numbers; `Parameters`, `State`, `Noise`; `NOISES`, `STARTS`,
+    `CONDITIONS`
+Plants and agents
+    `PLANTS`, `equations`; `AGENTS`; `compiled`, for an agent of your own that is as fast
+One run
+    `learn` and `play`; in parts: `make_case`, `Case`, `make_run`, `Result`
+Many runs
+    `study`, `Store`, `summarise`, `render`
+What was learned
+    `Policy`, `save_policy`, `load_policy`, `export_policy` (C, ONNX or JSON)
+Gymnasium
+    `CartPoleEnv`, `CartPoleVectorEnv`, and `TrialProtocol` with `RunOver` for other learners.
+    ``import upright`` registers ``upright/CartPole-v0`` and ``upright/ContinuousCartPole-v0``
+What goes wrong
+    `UprightError`: one line that names the value and what is allowed
+
+``help(upright.learn)``, and so on, has the details of each, and an example. The command ``upright``
+does the same from a terminal (``upright --help``). In the sources, README.md is the tour,
+docs/protocol.md defines the task, and docs/agents.md tells how the agents work.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from upright.environments.registration import register_environments as _register_environments
+
+if TYPE_CHECKING:  # for type checkers and editors, the same names as in _PLACES
+    from upright.agents import AGENTS as AGENTS
+    from upright.core.compiled import compiled as compiled
+    from upright.core.conditions import CONDITIONS as CONDITIONS
+    from upright.core.conditions import NOISES as NOISES
+    from upright.core.conditions import STARTS as STARTS
+    from upright.core.conditions import Noise as Noise
+    from upright.core.parameters import Parameters as Parameters
+    from upright.core.parameters import State as State
+    from upright.core.task import Task as Task
+    from upright.core.task import TaskSpec as TaskSpec
+    from upright.core.trials import Result as Result
+    from upright.environments.cartpole_env import CartPoleEnv as CartPoleEnv
+    from upright.environments.trial_protocol import RunOver as RunOver
+    from upright.environments.trial_protocol import TrialProtocol as TrialProtocol
+    from upright.environments.vector_env import CartPoleVectorEnv as CartPoleVectorEnv
+    from upright.errors import UprightError as UprightError
+    from upright.plants import PLANTS as PLANTS
+    from upright.plants.equations import equations as equations
+    from upright.policies.files import export_policy as export_policy
+    from upright.policies.files import load_policy as load_policy
+    from upright.policies.files import save_policy as save_policy
+    from upright.policies.policy import Policy as Policy
+    from upright.reports.statistics import summarise as summarise
+    from upright.reports.tables import render as render
+    from upright.studies.case import Case as Case
+    from upright.studies.case import make_case as make_case
+    from upright.studies.learned import learn as learn
+    from upright.studies.playing import play as play
+    from upright.studies.run import make_run as make_run
+    from upright.studies.store import Store as Store
+    from upright.studies.study import study as study
+
+__version__ = "0.2.0"
+
+_PLACES = {
+    "agents": ("AGENTS",),
+    "core.compiled": ("compiled",),
+    "core.conditions": ("CONDITIONS", "NOISES", "STARTS", "Noise"),
+    "core.parameters": ("Parameters", "State"),
+    "core.task": ("Task", "TaskSpec"),
+    "core.trials": ("Result",),
+    "environments.cartpole_env": ("CartPoleEnv",),
+    "environments.trial_protocol": ("RunOver", "TrialProtocol"),
+    "environments.vector_env": ("CartPoleVectorEnv",),
+    "errors": ("UprightError",),
+    "plants": ("PLANTS",),
+    "plants.equations": ("equations",),
+    "policies.files": ("export_policy", "load_policy", "save_policy"),
+    "policies.policy": ("Policy",),
+    "reports.statistics": ("summarise",),
+    "reports.tables": ("render",),
+    "studies.case": ("Case", "make_case"),
+    "studies.learned": ("learn",),
+    "studies.playing": ("play",),
+    "studies.run": ("make_run",),
+    "studies.store": ("Store",),
+    "studies.study": ("study",),
+}
+"""Where each public name is found. Modules are imported when used: Numba alone takes a second."""
+
+_MODULE_OF = {name: f"upright.{place}" for place, names in _PLACES.items() for name in names}
+_NEED_GYMNASIUM = {name for name in _MODULE_OF if ".environments." in _MODULE_OF[name]}
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name, imported when first used."""
+    if name == "__all__":
+        return __dir__()
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'upright' has no attribute {name!r}")
+    if name in _NEED_GYMNASIUM:
+        from upright.errors import require_module
+
+        require_module("gymnasium", f"{name} needs Gymnasium", "gymnasium")
+    value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names; those that need Gymnasium, where it is installed."""
+    from importlib.util import find_spec
+
+    is_there = find_spec("gymnasium") is not None
+    return sorted({"__version__", *_MODULE_OF} - (set() if is_there else _NEED_GYMNASIUM))
+
+
+_register_environments()

@@ -1,13 +1,23 @@
 """Errors that name the bad value and what is allowed."""
 
 import math
+import re
 from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
 
 class UprightError(ValueError):
-    """A request that cannot be met; its one line says why, and what is allowed."""
+    """A request that cannot be met; its one line says why, and what is allowed.
+
+    Examples
+    --------
+    >>> try:
+    ...     upright.make_case("reinforce", steps=0)
+    ... except upright.UprightError as error:
+    ...     print(error)
+    steps is 0; it must be a whole number, at least 1 and at most 1,000,000,000
+    """
 
 
 class Stopped(Exception):  # noqa: N818 - what happened, which is not an error
@@ -55,10 +65,12 @@ def require_module(name: str, need: str, extra: str) -> Any:
 
     Parameters
     ----------
+    name
+        Name of the module to import.
     need
-        Who needs what, such as "tuning needs Optuna".
+        What needs which library, such as "tuning needs Optuna".
     extra
-        With which of the package's extras it is installed.
+        The extra of this package that installs it.
 
     Raises
     ------
@@ -68,4 +80,27 @@ def require_module(name: str, need: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise UprightError(f"{need}: pip install 'upright[{extra}]'") from None
+        raise missing(need, extra) from None
+
+
+def missing(need: str, extra: str) -> UprightError:
+    """Return the error that says how to install the libraries of an extra of this package.
+
+    The command names the libraries themselves, which works wherever this package came from.
+    """
+    libraries = " ".join(f"'{library}'" for library in _libraries(extra))
+    command = f": pip install {libraries}" if libraries else ""
+    return UprightError(f"{need}{command} (the extra {extra!r} of upright)")
+
+
+def _libraries(extra: str) -> list[str]:
+    """Return the requirements of an extra, as the metadata of the installed package has them."""
+    from importlib.metadata import PackageNotFoundError, requires  # late: they are slow to import
+
+    try:
+        lines = requires("upright") or []
+    except PackageNotFoundError:  # the sources are on the path, but not installed
+        return []
+    halves = (line.partition(";") for line in lines)
+    mark = re.compile(rf"""extra == ['"]{re.escape(extra)}['"]""")
+    return [library.strip() for library, _, condition in halves if mark.search(condition)]

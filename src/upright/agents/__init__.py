@@ -39,7 +39,15 @@ AGENTS: Registry[Settings] = Registry(
     group="upright.agents",
     custom=_custom,
 )
-"""Every agent, and its module. Installed packages register more: entry points `upright.agents`."""
+"""Every agent, and its module. Installed packages register more: entry points `upright.agents`.
+
+Examples
+--------
+>>> "adaptive-lqr" in upright.AGENTS
+True
+>>> upright.AGENTS.default("q-learning").discount
+0.99
+"""
 
 
 def is_custom(agent: str) -> bool:

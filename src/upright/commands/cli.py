@@ -420,7 +420,7 @@ def _add_export(commands: "argparse._SubParsersAction[Parser]") -> None:
 examples:
   upright learn reinforce --save policy.npz
   upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
-  upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  upright export policy.npz policy.onnx  ONNX (pip install onnx)
   upright export policy.npz policy.json  JSON: the numbers; play reads it, and MATLAB and Octave
   cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
 C and ONNX return the probability of a push to the right; docs/policies.md tells names and types,
@@ -478,7 +478,7 @@ What counts is the mean number of trials over all runs; a failed run counts as -
 candidate is the settings it begins with; hopeless ones are given up early. The best is measured
 again on fresh runs. No run has a seed below a million: those are for tables. Stopped, the same
 command goes on where it was.
-{TASK_HELP}It needs Optuna: pip install 'upright[tune]'
+{TASK_HELP}It needs Optuna: pip install optuna
 """,
     )
     parser.add_argument("agent", metavar="AGENT", help="whose settings")

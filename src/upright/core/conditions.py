@@ -24,7 +24,14 @@ STRICT_STEPS, STRICT_RUNS = 600_000, 100
 
 
 class Noise(NamedTuple):
-    """Sizes of the disturbances; zero means none, and draws no random number."""
+    """Sizes of the disturbances; zero means none, and draws no random number.
+
+    Examples
+    --------
+    An environment with more noise on the measured angle than any named case has:
+
+    >>> env = upright.CartPoleEnv(noise=upright.Noise(angle=0.2))
+    """
 
     actuator: float = 0.0
     """p: the force that acts is F (1 + u), u uniform in ±p."""
@@ -53,15 +60,29 @@ NOISES = {
     "all-5": Noise(angle=0.05, others=0.05),
     "all-10": Noise(angle=0.10, others=0.10),
 }
-"""Every named case. The first seven are the published ones; the last two go beyond them."""
+"""Every named noise case. The first seven are the published ones; the last two go beyond them.
+
+Examples
+--------
+>>> list(upright.NOISES)[:3]
+['none', 'actuator-5', 'actuator-10']
+>>> upright.NOISES["sensor-5"].angle
+0.05
+"""
 
 STARTS = {
     "random": State(0.05, 0.05, 0.05, 0.05),
     "zero": State(0.0, 0.0, 0.0, 0.0),
     "wide": State(0.05, 0.05, math.radians(6), 0.05),
 }
-"""Half-widths of the uniform start: Gymnasium's convention, Si & Wang's exact zero, and one that
-lets the pole lean up to 6°."""
+"""Half-widths of the uniform start by name: Gymnasium's convention, Si & Wang's exact zero, and one
+that lets the pole lean up to 6°.
+
+Examples
+--------
+>>> upright.STARTS["random"]
+State(x=0.05, x_dot=0.05, theta=0.05, theta_dot=0.05)
+"""
 
 
 class Condition(NamedTuple):
@@ -85,4 +106,10 @@ CONDITIONS = {
     "delay-2": Condition(delay=2),
     "no-velocities": Condition(hides_velocities=True),
 }
-"""Every named condition; all but the first go beyond the published task."""
+"""Every named condition; all but the first go beyond the published task.
+
+Examples
+--------
+>>> upright.CONDITIONS["delay-2"].delay
+2
+"""

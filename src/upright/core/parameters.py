@@ -14,7 +14,14 @@ from upright.support.settings import pairs
 
 
 class State(NamedTuple):
-    """State of the plant, or a measurement of it."""
+    """State of the plant, or a measurement of it.
+
+    Examples
+    --------
+    >>> leaning = upright.State(x=0.0, x_dot=0.0, theta=0.05, theta_dot=0.0)
+    >>> leaning.theta
+    0.05
+    """
 
     x: float
     """Cart position [m]."""
@@ -27,7 +34,16 @@ class State(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """Parameters of the plant, with the values of Barto et al. (1983) and Si & Wang (2001)."""
+    """Parameters of the plant, with the values of Barto et al. (1983) and Si & Wang (2001).
+
+    Examples
+    --------
+    The pole of the published task is 1 m long; this one has twice the length:
+
+    >>> upright.Parameters().half_length
+    0.5
+    >>> plant = upright.equations(upright.Parameters(half_length=1.0))
+    """
 
     gravity: float = 9.8
     """Acceleration due to gravity [m/s^2]."""

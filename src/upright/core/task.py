@@ -21,7 +21,14 @@ from upright.errors import UprightError, require, require_one_of
 
 
 class Task(NamedTuple):
-    """The numbers that define a run, in the form that compiled code takes."""
+    """The numbers that define a run, in the form that compiled code takes.
+
+    Examples
+    --------
+    >>> task = upright.TaskSpec(noise="sensor-5", condition="delay-1").task()
+    >>> task.steps, task.delay, task.noise.angle
+    (60000, 1, 0.05)
+    """
 
     parameters: Parameters = Parameters()
     """The plant."""
@@ -49,8 +56,7 @@ class TaskSpec:
 
     Examples
     --------
-    >>> from upright.core.task import TaskSpec
-    >>> spec = TaskSpec(noise="gaussian-0.1", condition="delay-1", steps=600)
+    >>> spec = upright.TaskSpec(noise="gaussian-0.1", condition="delay-1", steps=600)
     >>> spec.task().delay, spec.task().parameters.half_length
     (1, 0.5)
     """

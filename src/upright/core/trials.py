@@ -17,7 +17,14 @@ from upright.core.task import Task
 
 
 class Result(NamedTuple):
-    """What came of one run."""
+    """What came of one run.
+
+    Examples
+    --------
+    >>> _, result = upright.learn("random-search", steps=300, seed=3)
+    >>> result.success, result.trials == len(result.lengths)
+    (True, True)
+    """
 
     run: int
     """Number of the run within its study."""

@@ -94,6 +94,19 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
     ------
     UprightError
         If an argument is none of the allowed ones.
+
+    Examples
+    --------
+    >>> env = upright.CartPoleEnv(noise="gaussian-0.1")
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, fallen, truncated, info = env.step(1)
+    >>> reward, fallen
+    (1.0, False)
+
+    Through Gymnasium, which ends an episode after 60,000 steps unless told otherwise:
+
+    >>> import gymnasium
+    >>> env = gymnasium.make("upright/CartPole-v0", noise="gaussian-0.1")
     """
 
     metadata = {  # noqa: RUF012 - as Gymnasium has it

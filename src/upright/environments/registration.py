@@ -1,7 +1,6 @@
 """Makes the environments known to Gymnasium, without importing it."""
 
 import sys
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
@@ -36,8 +35,12 @@ def _register() -> None:
             )
 
 
-class _Watch(MetaPathFinder):
-    """Registers the environments when Gymnasium has been imported."""
+class _Watch:
+    """Registers the environments when Gymnasium has been imported.
+
+    A finder of modules by its one method; the base class in `importlib.abc` would take most of the
+    time of ``import upright``.
+    """
 
     _looks = False
 

@@ -24,7 +24,23 @@ from upright.plants.equations import Equations
 
 
 class RunOver(Exception):  # noqa: N818 - no error, as StopIteration is none
-    """The run is over: the environment makes no further step for this learner."""
+    """The run is over: the environment makes no further step for this learner.
+
+    Examples
+    --------
+    >>> env = upright.TrialProtocol(upright.CartPoleEnv(), steps=500, trials=3)
+    >>> try:
+    ...     while True:
+    ...         env.reset(seed=0)[1]
+    ...         while not env.step(1)[2]:
+    ...             pass
+    ... except upright.RunOver as over:
+    ...     print(over)
+    {}
+    {}
+    {}
+    the run is over after 3 trials: no trial succeeded
+    """
 
 
 class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -58,6 +74,20 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
         If a number is none of the allowed ones, or the environment truncates episodes before N.
     TypeError
         If `env` is no environment, or a vector of them.
+
+    Examples
+    --------
+    A learner that only ever pushes to the right, and its result:
+
+    >>> env = upright.TrialProtocol(upright.CartPoleEnv(), steps=500, trials=3)
+    >>> while not env.over:
+    ...     observation, info = env.reset(seed=0)
+    ...     fallen = False
+    ...     while not fallen:
+    ...         observation, reward, fallen, truncated, info = env.step(1)
+    >>> result = env.result()
+    >>> result.success, result.trials
+    (False, 3)
     """
 
     def __init__(

@@ -65,6 +65,16 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     ------
     UprightError
         If an argument is none of the allowed ones.
+
+    Examples
+    --------
+    >>> envs = upright.CartPoleVectorEnv(num_envs=8, start="wide")
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations.shape
+    (8, 4)
+    >>> observations, rewards, fallen, truncated, infos = envs.step(envs.action_space.sample())
+    >>> rewards.sum()
+    np.float64(8.0)
     """
 
     def __init__(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, missing, require_one_of
 from upright.pictures.picture import HEIGHT, WIDTH, _pygame
 from upright.support.files import check_output, replacing
 
@@ -45,7 +45,7 @@ def _ffmpeg() -> str:
 
         return str(get_ffmpeg_exe())
     except (ImportError, RuntimeError):  # the latter: it came without the program
-        raise UprightError("videos need imageio-ffmpeg: pip install 'upright[video]'") from None
+        raise missing("videos need imageio-ffmpeg", "video") from None
 
 
 def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_second: float) -> None:

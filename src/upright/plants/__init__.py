@@ -21,7 +21,15 @@ PLANTS: Registry[PlantSettings] = Registry(
     },
     group="upright.plants",
 )
-"""Every plant, and its module. Installed packages register more: entry points `upright.plants`."""
+"""Every plant, and its module. Installed packages register more: entry points `upright.plants`.
+
+Examples
+--------
+>>> "mujoco" in upright.PLANTS
+True
+>>> upright.PLANTS.default("equations").integrator
+'euler'
+"""
 
 
 def describe_plant(settings: PlantSettings) -> dict[str, Any]:

@@ -51,10 +51,32 @@ class Equations(NamedTuple):
 def equations(parameters: Parameters | None = None, integrator: str = "euler") -> Equations:
     """Return the plant as compiled equations, at rest and upright.
 
+    Parameters
+    ----------
+    parameters
+        Of the plant; the published ones unless given.
+    integrator
+        "euler" as in the published tables, "semi-implicit" or "rk4".
+
+    Returns
+    -------
+    Equations
+        A plant with the methods `reset`, `step` and `has_fallen`.
+
     Raises
     ------
     UprightError
         If a parameter is impossible, or there is no such integrator.
+
+    Examples
+    --------
+    >>> plant = upright.equations()
+    >>> state = plant.reset(upright.State(0.0, 0.0, 0.0, 0.0))
+    >>> state = plant.step(10.0)  # a push of 10 N to the right, for 0.02 s
+    >>> round(state.x_dot, 3), round(state.theta_dot, 3)
+    (0.195, -0.293)
+    >>> plant.has_fallen(state)
+    False
     """
     require_one_of("integrator", integrator, INTEGRATORS)
     number = int(INTEGRATORS[integrator])

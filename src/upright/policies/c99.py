@@ -116,7 +116,7 @@ int box = 0;
 {box}return probabilities[box];"""
 
 
-def c_header(policy: Policy) -> str:
+def encode(policy: Policy) -> str:
     """Return a policy as a header in C99: one function, no allocation.
 
     The same header serves float64 and float32.

@@ -1,21 +1,93 @@
-"""Saving, loading and exporting policies; the ending of a file says its format."""
+"""Saving, loading and exporting policies.
 
-from collections.abc import Callable
+Every format has a module with `encode(policy)`, which returns what a file of this format holds. A
+format that can be read again also has `begins(start)`, which tells by the first bytes of a file
+whether it is of this format, `read(path, agent)` and `read_header(path)`.
+"""
+
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-import numpy as np
-
-from upright.agents import AGENTS, is_custom
-from upright.errors import require_one_of
-from upright.policies.c99 import c_header
-from upright.policies.checks import check_agent, check_contract, explained, read_task
-from upright.policies.form_json import NUMBERS
-from upright.policies.json_file import first_bytes, is_json, json_form, load_json, read_json
-from upright.policies.npz_file import fill, opened, read_npz_header
-from upright.policies.onnx import onnx_model
+from upright.errors import UprightError, require_one_of
+from upright.policies.checks import explained
 from upright.policies.policy import Policy
 from upright.support.files import check_output, write_file
+from upright.support.registry import Registry
+from upright.support.settings import Fields
+
+FORMATS: Registry[Fields] = Registry(
+    "format of a policy",
+    {
+        ".h": "upright.policies.c99",
+        ".onnx": "upright.policies.onnx",
+        ".json": "upright.policies.json_file",
+        ".npz": "upright.policies.npz_file",
+    },
+)
+"""The formats of policies by the ending of their files."""
+
+
+def save_policy(path: Path | str, policy: Policy) -> None:
+    """Write a policy to a file that `load_policy` reads: as JSON if it ends so, else as `.npz`.
+
+    A NumPy archive holds all that the agent learned; JSON holds what the policy computes, in terms
+    that other languages read.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be written, or the policy does not know the settings of its agent, which
+        an archive holds.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("q-learning", steps=300)
+    >>> upright.save_policy("policy.npz", policy)
+    >>> upright.load_policy("policy.npz").agent
+    'q-learning'
+    """
+    ending = ".json" if Path(path).suffix == ".json" else ".npz"
+    write_file(path, FORMATS.module(ending).encode(policy))
+
+
+def export_policy(path: Path | str, policy: Policy) -> None:
+    """Write a policy to a file in a form that other languages read; its ending says which.
+
+    Parameters
+    ----------
+    path
+        Where to: ``.h`` is a header in C99, ``.onnx`` is ONNX, ``.json`` is JSON.
+    policy
+        What is written.
+
+    Raises
+    ------
+    UprightError
+        As `check_export`; if the policy's agent does not tell its form; or if ONNX is asked for and
+        not installed.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("q-learning", steps=300)
+    >>> upright.export_policy("policy.h", policy)
+    >>> upright.export_policy("policy.json", policy)
+    >>> upright.load_policy("policy.json").agent
+    'q-learning'
+    """
+    write_file(path, FORMATS.module(check_export(path).suffix).encode(policy))
+
+
+def check_export(path: Path | str) -> Path:
+    """Return the path of an export to be written later, having made sure that it can be.
+
+    Raises
+    ------
+    UprightError
+        If its ending is not one of FORMATS, or it cannot be written.
+    """
+    require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, FORMATS)
+    return check_output(path)
 
 
 def load_policy(path: Path | str, agent: str | None = None) -> Policy:
@@ -26,27 +98,25 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     Parameters
     ----------
     path
-        What `save_policy` or `export_policy` wrote, the latter as JSON, or anything else.
+        A file that `save_policy` wrote, or another program in JSON; or anything else.
     agent
-        The agent that learned it. One from outside is code, which is imported; so it must be named
+        The agent that learned it. A custom agent is code, which is imported, so it must be named
         here, as in the file.
 
     Raises
     ------
     UprightError
         If the file is missing, damaged, not a policy, or another agent's.
+
+    Examples
+    --------
+    >>> learned, _ = upright.learn("q-learning", steps=300)
+    >>> upright.save_policy("policy.npz", learned)
+    >>> policy = upright.load_policy("policy.npz")
+    >>> policy.task["noise"], policy.task["steps"]
+    ('none', 300)
     """
-    if is_json(path):
-        return load_json(path, agent)
-    with opened(path) as archive:
-        header = read_npz_header(archive)
-        check_agent(header["agent"], agent)
-        settings = AGENTS.restore(header["agent"], header["settings"])
-        memory = settings.agent(np.random.default_rng(0))
-        former_names = getattr(settings, "RENAMED_ARRAYS", {})
-        fill(memory, archive, finite=not is_custom(header["agent"]), renamed=former_names)
-        policy = Policy(header["agent"], memory, **read_task(header["task"]))
-        check_contract(policy, header, {"version"})
+    policy: Policy = _reader(path).read(path, agent)
     return policy
 
 
@@ -60,46 +130,36 @@ def read_header(path: Path | str) -> dict[str, Any]:
     UprightError
         If the file is missing, damaged, or not a policy.
     """
-    if is_json(path):
-        with explained(path):
-            entries = read_json(path)
-        return {name: value for name, value in entries.items() if name not in NUMBERS}
-    with opened(path) as archive:
-        return read_npz_header(archive)
+    header: dict[str, Any] = _reader(path).read_header(path)
+    return header
 
 
 def is_policy(path: Path | str) -> bool:
     """Whether a file begins as a policy does, be it damaged further on."""
-    return first_bytes(path)[:2] == b"PK" or is_json(path)
+    return _format_of(path) is not None
 
 
-def export_policy(path: Path | str, policy: Policy) -> None:
-    """Write a policy to a file; its ending says the language.
-
-    Raises
-    ------
-    UprightError
-        As `check_export`; if the policy's agent does not tell its form; or if ONNX is asked for and
-        not installed.
-    """
-    write_file(path, WRITERS[check_export(path).suffix](policy))
-
-
-def check_export(path: Path | str) -> Path:
-    """Return the path of an export to be written later, having made sure that it can be.
+def _reader(path: Path | str) -> ModuleType:
+    """Return the module that reads a file.
 
     Raises
     ------
     UprightError
-        If its ending is not one of WRITERS, or it cannot be written.
+        If the file is missing, or none does.
     """
-    require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, WRITERS)
-    return check_output(path)
+    if not Path(path).is_file():
+        raise UprightError(f"policy is {str(path)!r}; there is no such file")
+    module = _format_of(path)
+    if module is None:
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a file of a policy")
+    return module
 
 
-WRITERS: dict[str, Callable[[Policy], str | bytes]] = {
-    ".h": c_header,
-    ".onnx": onnx_model,
-    ".json": json_form,
-}
-"""What each ending stands for."""
+def _format_of(path: Path | str) -> ModuleType | None:
+    """Return the module whose format a file begins with, if there is one."""
+    if not Path(path).is_file():
+        return None
+    with explained(path), Path(path).open("rb") as file:
+        start = file.read(100)
+    readable = (module for module in map(FORMATS.module, FORMATS) if hasattr(module, "begins"))
+    return next((module for module in readable if module.begins(start)), None)

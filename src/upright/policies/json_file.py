@@ -8,7 +8,7 @@ from typing import Any
 from upright.agents import AGENTS
 from upright.errors import require_one_of
 from upright.policies.checks import check_agent, check_contract, check_header, explained, read_task
-from upright.policies.form_json import form_entries, restore_form
+from upright.policies.form_json import NUMBERS, form_entries, restore_form
 from upright.policies.form_player import make_memory
 from upright.policies.policy import Policy, form_of
 
@@ -21,10 +21,23 @@ a list, an object or a text, which take more memory than numbers.
 """
 
 
-def load_json(path: Path | str, agent: str | None) -> Policy:
-    """Read a policy from a file in JSON, as `files.load_policy` does."""
+def encode(policy: Policy) -> str:
+    """Return a policy as JSON, an entry a line; `load_policy` and other languages read it.
+
+    Raises
+    ------
+    UprightError
+        If the policy's agent does not tell its form, or the form is beyond what is read.
+    """
+    entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(form_of(policy))}
+    lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def read(path: Path | str, agent: str | None) -> Policy:
+    """Read a policy, as `files.load_policy` does."""
     with explained(path):
-        entries = read_json(path)
+        entries = _read_entries(path)
         check_agent(entries["agent"], agent)
         if agent is None:
             require_one_of("agent", entries["agent"], AGENTS)
@@ -35,20 +48,19 @@ def load_json(path: Path | str, agent: str | None) -> Policy:
     return policy
 
 
-def is_json(path: Path | str) -> bool:
-    """Whether a file begins as an object in JSON does."""
-    return first_bytes(path).removeprefix(codecs.BOM_UTF8).lstrip()[:1] == b"{"
+def read_header(path: Path | str) -> dict[str, Any]:
+    """Return all that a file says but the numbers of its form."""
+    with explained(path):
+        entries = _read_entries(path)
+    return {name: value for name, value in entries.items() if name not in NUMBERS}
 
 
-def first_bytes(path: Path | str) -> bytes:
-    """Return the first bytes of a file; none where there is no such file."""
-    if not Path(path).is_file():
-        return b""
-    with explained(path), Path(path).open("rb") as file:
-        return file.read(100)
+def begins(start: bytes) -> bool:
+    """Whether a file that starts so is an object in JSON."""
+    return start.removeprefix(codecs.BOM_UTF8).lstrip()[:1] == b"{"
 
 
-def read_json(path: Path | str) -> dict[str, Any]:
+def _read_entries(path: Path | str) -> dict[str, Any]:
     """Return the entries of a file in JSON, its form yet to be looked at."""
     with Path(path).open("rb") as file:
         data = file.read(JSON_LIMIT + 1)
@@ -62,16 +74,3 @@ def read_json(path: Path | str) -> dict[str, Any]:
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"it holds {name}, which is no number")
-
-
-def json_form(policy: Policy) -> str:
-    """Return a policy as JSON, an entry a line; `load_policy` and other languages read it.
-
-    Raises
-    ------
-    UprightError
-        If the policy's agent does not tell its form, or the form is beyond what is read.
-    """
-    entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(form_of(policy))}
-    lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())
-    return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -9,17 +9,22 @@ import json
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from upright.agents import Settings
+from upright.agents import AGENTS, is_custom
 from upright.errors import UprightError
-from upright.policies.checks import check_header, explained
+from upright.policies.checks import (
+    check_agent,
+    check_contract,
+    check_header,
+    explained,
+    read_task,
+)
 from upright.policies.policy import Policy
-from upright.support.files import write_file
+from upright.support.settings import values_of
 
 FORMAT = "upright policy 1"
 HEADER = {"agent": str, "task": dict, "settings": dict}
@@ -30,15 +35,19 @@ PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """How arrays may be packed: so that no more is unpacked than is asked for."""
 
 
-def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
-    """Write a policy to a file: a NumPy archive of plain arrays and a header in JSON.
+def encode(policy: Policy) -> bytes:
+    """Return a policy as a NumPy archive of plain arrays, with a header in JSON.
 
     Raises
     ------
     UprightError
-        If the file cannot be written.
+        If the policy does not know the settings of its agent.
     """
-    header = {"format": FORMAT, **policy.contract(), "settings": asdict(settings)}
+    if policy.settings is None:
+        raise UprightError(
+            f"policy is one of {policy.agent!r} without its settings; it can be exported as JSON"
+        )
+    header = {"format": FORMAT, **policy.contract(), "settings": values_of(policy.settings)}
     written = io.BytesIO()
     np.savez_compressed(
         written,
@@ -46,21 +55,45 @@ def save_policy(path: Path | str, policy: Policy, settings: Settings) -> None:
         header=np.array(json.dumps(header)),
         **dict(arrays_of(policy.memory)),
     )
-    write_file(path, written.getvalue())
+    return written.getvalue()
+
+
+def begins(start: bytes) -> bool:
+    """Whether a file that starts so is an archive."""
+    return start[:2] == b"PK"
+
+
+def read(path: Path | str, agent: str | None) -> Policy:
+    """Read a policy, as `files.load_policy` does."""
+    with _opened(path) as archive:
+        header = _read_header(archive)
+        check_agent(header["agent"], agent)
+        settings = AGENTS.restore(header["agent"], header["settings"])
+        memory = settings.agent(np.random.default_rng(0))
+        renamed = getattr(settings, "RENAMED_ARRAYS", {})
+        _fill(memory, archive, finite=not is_custom(header["agent"]), renamed=renamed)
+        trained = read_task(header["task"])
+        policy = Policy(header["agent"], memory, **trained, settings=settings)
+        check_contract(policy, header, {"version"})
+    return policy
+
+
+def read_header(path: Path | str) -> dict[str, Any]:
+    """Return the header of an archive."""
+    with _opened(path) as archive:
+        return _read_header(archive)
 
 
 @contextmanager
-def opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
+def _opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
     """Open a policy's file."""
-    if not Path(path).is_file():
-        raise UprightError(f"policy is {str(path)!r}; there is no such file")
     if not zipfile.is_zipfile(path):
-        raise UprightError(f"policy is {str(path)!r}; it is damaged, or no file of a policy")
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a file of a policy")
     with explained(path), zipfile.ZipFile(path) as archive:
         yield archive
 
 
-def read_npz_header(archive: zipfile.ZipFile) -> dict[str, Any]:
+def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
     """Return the header of an archive, checked."""
     if any(info.compress_type not in PACKINGS for info in archive.infolist()):
         raise ValueError("it is packed in an unknown way")
@@ -72,7 +105,7 @@ def read_npz_header(archive: zipfile.ZipFile) -> dict[str, Any]:
     return check_header(header, FORMAT, HEADER)
 
 
-def fill(
+def _fill(
     memory: Any, archive: zipfile.ZipFile, *, finite: bool, renamed: Mapping[str, str]
 ) -> None:
     """Set all arrays of a memory, having compared what is declared with what is due.

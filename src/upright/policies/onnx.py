@@ -16,7 +16,7 @@ OPSET, IR_VERSION = 13, 7
 """Of 2020, and all that is needed: old runtimes shall read it."""
 
 
-def onnx_model(policy: Policy) -> bytes:
+def encode(policy: Policy) -> bytes:
     """Return a policy as a graph in ONNX, checked by ONNX itself.
 
     Inputs and outputs are float32, a row for each cart-pole: `observation`, shape (batch, 4), gives

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
+from upright.agents import Settings
 from upright.agents.parts.policy_form import Form
 from upright.core.parameters import State
 from upright.core.task import TaskSpec
@@ -21,7 +22,16 @@ ACTION = "push to the right (+F) with the probability that the policy returns, e
 
 @dataclass(frozen=True)
 class Policy:
-    """A learned policy. It balances as an agent does, and does not learn."""
+    """A learned policy. It balances as an agent does, and does not learn.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("random-search", steps=300, seed=3)
+    >>> policy.push_probability(upright.State(0.0, 0.0, theta=0.1, theta_dot=0.5))
+    1.0
+    >>> policy.contract()["observation"]
+    ['x [m]', 'x_dot [m/s]', 'theta [rad]', 'theta_dot [rad/s]']
+    """
 
     agent: str
     """Name of the agent that learned it."""
@@ -35,6 +45,8 @@ class Policy:
     """Number of the run in that study."""
     plant: Mapping[str, Any] = field(default_factory=lambda: describe_plant(EQUATIONS))
     """The plant that it learned on as data: its name, and its settings where they are known."""
+    settings: Settings | None = None
+    """The settings of its agent; None if they are unknown, as a file in JSON does not tell them."""
 
     def __post_init__(self) -> None:
         """Reset to the start of a trial."""

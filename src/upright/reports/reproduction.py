@@ -11,7 +11,7 @@ from upright.core.conditions import PUBLISHED_NOISES, RUNS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.trials import Result
 from upright.errors import UprightError
-from upright.policies.npz_file import save_policy
+from upright.policies.files import save_policy
 from upright.policies.policy import Policy
 from upright.reports.published import REPORT, SI_AND_WANG
 from upright.reports.statistics import Row, summarise
@@ -113,7 +113,7 @@ def draw(folder: Path, learned: list[tuple[Case, list[Result]]], seed: int) -> N
     for case, results in noise_free:
         if case.agent != "random-search":
             policies.append(_learn_policy(case, results, seed))
-            save_policy(folder / f"{case.agent}.npz", policies[-1], case.settings)
+            save_policy(folder / f"{case.agent}.npz", policies[-1])
     plots.save(plots.plot_policies(policies), folder / "policies.png")
     plots.save(plots.plot_phases(policies[0]), folder / "phases.png")
 

@@ -94,7 +94,33 @@ class Row:
 
 
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
-    """Return the statistics of a case over its runs."""
+    """Return the statistics of a case over its runs.
+
+    Parameters
+    ----------
+    case
+        What was run.
+    seed
+        Of the study.
+    results
+        Of its runs, in order.
+
+    Returns
+    -------
+    Row
+        Success rate, mean, median and 95th percentile of trials to success, with 95 % intervals,
+        and the published figures of the same case.
+
+    Examples
+    --------
+    >>> case = upright.make_case("random-search", steps=300)
+    >>> row = upright.summarise(case, 0, upright.study([case], runs=20)[case])
+    >>> row.runs, row.success_rate
+    (20, 1.0)
+    >>> low, high = row.ci95
+    >>> low < row.mean_trials < high
+    True
+    """
     trials = np.array([result.trials for result in results if result.success])
     made = np.array([result.trials for result in results])
     rate_interval = wilson_interval(len(trials), len(results))

@@ -169,10 +169,25 @@ FORMATS = ("text", "markdown", "csv", "json", "latex")
 def render(rows: Sequence[Row], format_name: str) -> str:
     """Return the table of a study in one of the FORMATS.
 
+    Parameters
+    ----------
+    rows
+        What `summarise` returned, a row for each case.
+    format_name
+        "text", "markdown", "csv", "json" or "latex".
+
     Raises
     ------
     UprightError
         If there is no such format.
+
+    Examples
+    --------
+    >>> cases = [upright.make_case("random-search", steps=300, noise=n) for n in upright.NOISES]
+    >>> results = upright.study(cases, runs=5)
+    >>> rows = [upright.summarise(case, 0, results[case]) for case in cases]
+    >>> upright.render(rows, "markdown").splitlines()[0][:38]
+    '| Agent | Settings | Noise | Success |'
     """
     require_one_of("format", format_name, FORMATS)
     if format_name == "json":

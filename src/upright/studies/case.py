@@ -11,7 +11,7 @@ import numpy as np
 from upright.agents import AGENTS, Settings, is_custom
 from upright.core.task import TaskSpec
 from upright.errors import UprightError, require_one_of
-from upright.plants import describe_plant, restore_plant
+from upright.plants import PLANTS, describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
@@ -30,6 +30,16 @@ class Case:
     ------
     UprightError
         If the case cannot be run.
+
+    Examples
+    --------
+    `make_case` makes one by names. A setting is changed so:
+
+    >>> from dataclasses import replace
+    >>> case = upright.make_case("q-learning", noise="actuator-5")
+    >>> slower = replace(case, settings=replace(case.settings, learning_rate=0.1))
+    >>> slower.settings.learning_rate
+    0.1
     """
 
     agent: str
@@ -137,7 +147,7 @@ def make_case(
     label: str = "default",
     *,
     language: str = "Python",
-    plant: PlantSettings = EQUATIONS,
+    plant: PlantSettings | str = EQUATIONS,
     **task: Any,
 ) -> Case:
     """Return the case of an agent with its settings of this name.
@@ -152,7 +162,7 @@ def make_case(
     language
         "Python", or "MATLAB" for the twin.
     plant
-        Settings of the plant.
+        A plant: one of `PLANTS`, or its settings.
     **task
         Parts of the task by name, as `TaskSpec` has them; `parameters` may be a dictionary of those
         that differ from the published ones.
@@ -161,8 +171,16 @@ def make_case(
     ------
     UprightError
         If the agent or any name is unknown, or a value is impossible.
+
+    Examples
+    --------
+    >>> case = upright.make_case("reinforce", "as-published", noise="gaussian-0.2", steps=600_000)
+    >>> case.settings.learning_rate
+    0.1
     """
     require_one_of("settings", label, ("default", "as-published"))
+    if isinstance(plant, str):
+        plant = PLANTS.default(plant)
     settings = AGENTS.settings(agent)
     if is_custom(agent):
         settings["default"].agent(np.random.default_rng(0))  # refuses what is not an agent

@@ -1,15 +1,19 @@
 """Policies from runs: what an agent learned, checked and saved."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from upright.errors import UprightError
+from upright.core.trials import Result
+from upright.errors import UprightError, require
 from upright.plants import describe_plant
-from upright.policies.files import export_policy
-from upright.policies.npz_file import arrays_of, save_policy
+from upright.policies.files import save_policy
+from upright.policies.npz_file import arrays_of
 from upright.policies.policy import Policy
-from upright.studies.case import Case
+from upright.studies.case import Case, make_case
+from upright.studies.run import make_run
+from upright.studies.study import check_study
 from upright.support.files import check_output
 
 
@@ -32,7 +36,65 @@ def check_policy(case: Case) -> None:
 
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     """Return the policy that an agent learned in a run."""
-    return Policy(case.agent, memory, case.spec, seed, run, describe_plant(case.plant))
+    return Policy(
+        case.agent, memory, case.spec, seed, run, describe_plant(case.plant), case.settings
+    )
+
+
+def learn(
+    agent: str, settings: str = "default", *, seed: int = 0, run: int = 0, **task: Any
+) -> tuple[Policy, Result]:
+    """Let a new agent learn until a trial succeeds, and return what it learned.
+
+    Parameters
+    ----------
+    agent
+        One of `AGENTS`, or ``module:name`` of an agent of your own.
+    settings
+        Name of its settings: "default" or "as-published".
+    seed, run
+        These two numbers determine the result, whatever the machine. The run is that of the same
+        number in a `study` with this seed.
+    **task
+        Parts of the task by name, as `make_case` takes them: `noise`, `start`, `steps`, `trials`,
+        `condition`, `plant` and others.
+
+    Returns
+    -------
+    tuple
+        The policy, to play, save or export; and the result, with the length of every trial.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, a number is not allowed, or what the agent learns is no policy.
+    KeyboardInterrupt
+        If interrupted; the run ends before its next trial.
+
+    Examples
+    --------
+    >>> policy, result = upright.learn("adaptive-lqr", noise="gaussian-0.1", steps=2000)
+    >>> result.success, result.lengths
+    (True, array([2000]))
+
+    A run that fails returns what was learned all the same:
+
+    >>> policy, result = upright.learn("q-learning", steps=2000, trials=2)
+    >>> result.success
+    False
+    """
+    require("run", run, 0, whole=True)
+    check_study(run + 1, seed)
+    case = make_case(agent, settings, **task)
+    check_policy(case)
+    stop = np.zeros(1, np.bool_)
+    with ThreadPoolExecutor(1) as thread:  # this one stays free for Ctrl-C
+        try:
+            memory, result = thread.submit(make_run, case, seed, run, stop=stop).result()
+        finally:
+            stop[0] = True
+    assert result is not None, "only an interrupt stops a run"
+    return learned_policy(case, seed, run, memory), result
 
 
 def check_learned(path: str, case: Case) -> None:
@@ -55,8 +117,4 @@ def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> Non
     UprightError
         If it cannot be written.
     """
-    policy = learned_policy(case, seed, run, memory)
-    if path.endswith(".json"):
-        export_policy(path, policy)
-    else:
-        save_policy(path, policy, case.settings)
+    save_policy(path, learned_policy(case, seed, run, memory))

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from itertools import repeat
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,8 +20,10 @@ from upright.core.contracts import Agent, Plant
 from upright.core.parameters import State
 from upright.core.task import Task
 from upright.core.trials import Result, trial
+from upright.errors import require
 from upright.pictures.picture import picture
 from upright.pictures.scene import Scene
+from upright.pictures.video import write_video
 from upright.plants import describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
@@ -105,7 +108,60 @@ def case_for(policy: Policy, **changes: Any) -> Case:
     return make_case(policy.agent, **({"plant": restore_plant(own)} | learned | changes))
 
 
-def play(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
+def play(
+    policy: Policy,
+    episodes: int = 10,
+    seed: int = 0,
+    *,
+    video: Path | str | None = None,
+    **changes: Any,
+) -> list[TrialOutcome]:
+    """Let a policy play, without learning, and return how each trial went.
+
+    Parameters
+    ----------
+    policy
+        What `learn` or `load_policy` returned.
+    episodes
+        How many trials.
+    seed
+        Of their random numbers, which no learner ever drew.
+    video
+        A file for a video of all trials, ending in .mp4 or .gif; none is made unless given. It
+        needs pygame-ce and imageio-ffmpeg, but no display.
+    **changes
+        Parts of the task by name, as `make_case` takes them, where it is to differ from the task
+        that was learned.
+
+    Returns
+    -------
+    list
+        For each trial `steps`, how many it lasted, and `balanced`, whether it ended without a fall.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, a number is not allowed, or the video cannot be made.
+
+    Examples
+    --------
+    >>> policy, _ = upright.learn("adaptive-lqr", steps=2000)
+    >>> played = upright.play(policy, episodes=5, noise="sensor-10")
+    >>> [outcome.balanced for outcome in played]
+    [True, True, True, True, True]
+    """
+    require("episodes", episodes, 1, 10**6, whole=True)
+    require("seed", seed, 0, 2**63 - 1, whole=True)
+    case = case_for(policy, **({"steps": policy.learned_on.steps} | changes))
+    if video is None:
+        return list(play_trials(policy, case, episodes, seed))
+    played: list[TrialOutcome] = []
+    frames = pictures(policy, case, episodes, seed, played.append)
+    write_video(video, frames, 1 / case.spec.time_step)
+    return played
+
+
+def play_trials(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
     """Play trial after trial and yield how each went.
 
     The policies of the package's agents play compiled, if the plant is; those of agents from
@@ -215,7 +271,7 @@ def record(
 def pictures(
     policy: Policy, case: Case, episodes: int, seed: int, on_trial: Callable[[TrialOutcome], None]
 ) -> Iterator[np.ndarray]:
-    """Play the same trials as `play`, and yield a picture of every step.
+    """Play the same trials as `play_trials`, and yield a picture of every step.
 
     Parameters
     ----------

@@ -62,10 +62,14 @@ def make_run(
     numbers: Callable[[int, int], np.random.Generator] | None = None,
     plant: Plant | None = None,
 ) -> tuple[Any, Result | None]:
-    """Let a new agent learn.
+    """Let a new agent learn until a trial succeeds.
 
     Parameters
     ----------
+    case
+        The agent with its settings, on a task.
+    seed, run
+        Seed of the study, and number of the run within it: they determine the result.
     lengths
         Where the length of each trial is written as it ends, shape (case.spec.trials,), int64; for
         a thread that watches.
@@ -87,6 +91,13 @@ def make_run(
     UprightError
         If an agent from outside lacks a method or cannot be compiled, a learner from outside ends
         before its run, or the body fails.
+
+    Examples
+    --------
+    >>> case = upright.make_case("adaptive-lqr", steps=2000)
+    >>> agent, result = upright.make_run(case, seed=0, run=0)
+    >>> result.success, result.trials
+    (True, 1)
     """
     rng = (numbers or random_numbers)(seed, run)
     agent, task = case.settings.agent(rng), make_run_task(case, seed, run)

@@ -47,6 +47,17 @@ class Store:
     ------
     UprightError
         If the file cannot be opened or written, is damaged, or is not a store.
+
+    Examples
+    --------
+    The second study finds ten runs done, and makes ten more:
+
+    >>> case = upright.make_case("random-search", steps=300)
+    >>> with upright.Store("runs.sqlite") as store:
+    ...     results = upright.study([case], runs=10, store=store)
+    ...     results = upright.study([case], runs=20, store=store)
+    >>> len(results[case])
+    20
     """
 
     def __init__(self, path: Path | str | None = None, *, must_exist: bool = False) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from upright.agents import is_custom
 from upright.core.compiled import is_compiled
+from upright.core.conditions import RUNS
 from upright.core.trials import Result
 from upright.errors import UprightError, require
 from upright.studies import matlab_twin
@@ -32,12 +33,12 @@ def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | N
 
 def study(
     cases: Iterable[Case],
-    runs: int,
-    seed: int,
-    store: Store,
+    runs: int = RUNS,
+    seed: int = 0,
+    store: Store | None = None,
     on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
     executor: Executor | None = None,
-) -> None:
+) -> dict[Case, list[Result]]:
     """Make the runs that the store does not hold yet, and write each down as it ends.
 
     Parameters
@@ -50,13 +51,19 @@ def study(
         Of the study. Run k of a case draws the same random numbers whatever the executor, the
         order, or the runs made before.
     store
-        Where finished runs are looked up and written.
+        Where finished runs are looked up and written. Without one, they are returned and not
+        kept.
     on_result
-        Told of every run as it ends.
+        Called with each result as its run finishes.
     executor
         Where to run. Unless given, every core has a thread, which is enough for compiled runs; or
         a process, if some agent is plain Python, which can use one core at a time. Runs of the
         MATLAB twin have processes of their own.
+
+    Returns
+    -------
+    dict
+        The results of each case, runs 0 to `runs` - 1, found in the store or made now.
 
     Raises
     ------
@@ -65,8 +72,19 @@ def study(
         missing.
     KeyboardInterrupt
         If interrupted; the runs that had ended are in the store.
+
+    Examples
+    --------
+    >>> cases = [upright.make_case(agent, steps=300) for agent in ("reinforce", "random-search")]
+    >>> results = upright.study(cases, runs=10)
+    >>> [len(results[case]) for case in cases]
+    [10, 10]
     """
     check_study(runs, seed)
+    cases = list(cases)
+    if store is None:
+        with Store() as memory:
+            return study(cases, runs, seed, memory, on_result, executor)
     missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
     twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
@@ -80,6 +98,7 @@ def study(
         with closing(matlab_twin.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
             for wanted, result in ended:
                 keep(twins[wanted], result)
+    return {case: store.results(case.key, seed, runs) for case in cases}
 
 
 def _study_here(

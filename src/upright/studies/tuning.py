@@ -357,7 +357,7 @@ def validate(
     wanted: Search,
     settings: Settings,
     runs: int,
-    make: Callable[[list[Case], int, int, Store], None] = study,
+    make: Callable[[list[Case], int, int, Store], object] = study,
 ) -> tuple[Validation, Validation]:
     """Measure settings, and those a search began with, on runs that no candidate has seen.
 

@@ -15,7 +15,7 @@ from upright.pictures.video import write_video
 from upright.pictures.window import Window
 from upright.policies.policy import Policy
 from upright.studies.case import Case
-from upright.studies.playing import TrialOutcome, pictures, play
+from upright.studies.playing import TrialOutcome, pictures, play_trials
 from upright.studies.random_streams import twister_numbers
 from upright.studies.run import make_run
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
@@ -188,7 +188,7 @@ def watch_play(
         elif window:
             deque(frames, maxlen=0)
         else:
-            for trial in play(policy, case, episodes, seed):
+            for trial in play_trials(policy, case, episodes, seed):
                 tell(trial)
     finally:
         print(_summary(played))
