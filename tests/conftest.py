@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pytest
 from hypothesis import settings
-from octave import IS_THERE
+from octave import IS_THERE, SESSION
 
 from upright.errors import UprightError
 from upright.plants.gazebo.installation import find_gazebo
@@ -15,11 +15,11 @@ from upright.studies.store import Store
 
 
 class Program(NamedTuple):
-    """A program that some tests need, those with the marker of its name."""
+    """A program that the tests with a marker of its name need."""
 
     title: str
     demand: str
-    """Environment variable by which its tests are demanded."""
+    """The environment variable that makes its absence a failure."""
     installer: str
     is_there: Callable[[], bool]
 
@@ -41,7 +41,7 @@ PROGRAMS = {
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
 }
 
-# Tests that were begun in the background would ignore it, and so would all that they start.
+# A shell starts background jobs with SIGINT ignored, and their children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, and no deadline: the first call of a kernel compiles it.
@@ -50,23 +50,36 @@ settings.load_profile("upright")
 
 
 @pytest.fixture(autouse=True)
-def _close_stores(monkeypatch):
-    """Close every store that a test leaves open: an open database at exit is a warning."""
-    opened = []
-    make = Store.__init__
+def _no_store_is_left_open(monkeypatch):
+    """Fail where a test, or what it tests, does not close a store."""
+    left = []
+    make, close = Store.__init__, Store.close
 
-    def make_and_remember(self, *arguments, **options):
+    def make_and_note(self, *arguments, **options):
         make(self, *arguments, **options)
-        opened.append(self)
+        left.append(self)
 
-    monkeypatch.setattr(Store, "__init__", make_and_remember)
+    def close_and_note(self):
+        close(self)
+        left[:] = [store for store in left if store is not self]
+
+    monkeypatch.setattr(Store, "__init__", make_and_note)
+    monkeypatch.setattr(Store, "close", close_and_note)
     yield
-    for store in opened:
+    paths = [store.path for store in left]
+    for store in left.copy():
         store.close()
+    assert not paths, "these stores were left open"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _close_octave():
+    yield
+    SESSION.close()
 
 
 def pytest_collection_modifyitems(items):
-    """Skip what needs a program that is missing, unless its tests are demanded."""
+    """Skip tests that need a missing program, unless they are demanded."""
     missing = [name for name, program in PROGRAMS.items() if not program.is_wanted()]
     for item in items:
         for name in missing:
@@ -75,7 +88,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Say loudly what was not tested."""
+    """Report prominently what was not tested."""
     reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
     for program in PROGRAMS.values():
         missing = f"{program.title} is missing"

@@ -20,7 +20,7 @@ from upright.reports.statistics import Row
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)
 HARD_START = State(2.0, 1.0, 0.2, 1.0)
-"""Half-widths of a start from which nobody balances always, so that trials differ."""
+"""Half-widths of a start from which no agent always balances, so that trials differ."""
 
 
 class RecordingPlant:
@@ -111,13 +111,13 @@ LEARNED_ON = {
 }
 """What a policy learned in tests says of its task."""
 GOOD_WEIGHTS = (1.0, 1.5, 20.0, 3.0)
-"""A policy that balances for as long as anybody looks."""
+"""A policy that balances for as long as it is watched."""
 POOR_WEIGHTS = (0.0, 0.0, 1.0, 0.0)
 """A policy that falls after a while."""
 
 
 LEANING = State(0.01, 0.2, 0.03, -0.1)
-"""Where the trajectories begin that simulators are compared by."""
+"""Where the trajectories begin by which simulators are compared."""
 PUSHES = {
     "free": [0.0] * 50,
     "constant": [10.0] * 35,
@@ -133,7 +133,7 @@ def trajectory(plant: Any, forces: Iterable[float]) -> np.ndarray:
 
 
 class FinePlant:
-    """The equations by RK4 at 200 steps in a time step, whose errors are nothing beside others."""
+    """The equations by RK4 with 200 steps in a time step, whose errors are negligible."""
 
     def __init__(self, parameters: Parameters) -> None:
         self.fine = parameters._replace(time_step=parameters.time_step / 200)
@@ -169,7 +169,7 @@ def arrays(memory: Any) -> Iterator[np.ndarray]:
 
 
 def recorded_rows(path: Path) -> list[Row]:
-    """Return the rows that a table was written of as JSON."""
+    """Return the rows of a table that was written as JSON."""
     return [Row.from_data(values) for values in json.loads(path.read_text())]
 
 

@@ -76,7 +76,7 @@ def test_pushes_are_as_frequent_as_their_probability():
     assert right == pytest.approx(norm.cdf(0.5), abs=0.015)
 
 
-def test_who_knows_nothing_pushes_either_way():
+def test_an_untrained_agent_pushes_either_way():
     assert blank(AseAce()).push_probability(State(0.1, 0.2, 0.03, 0.4)) == 0.5
 
 
@@ -101,7 +101,7 @@ def random_steps(lengths, seed=5):
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_steps_change_all_boxes_by_the_paper_s_equations(mirrored):
+def test_steps_change_all_boxes_by_the_equations_of_the_paper(mirrored):
     """Against whole arrays in NumPy, without a list of traced boxes."""
     changed = {"critic_learning_rate": 0.4, "critic_trace_decay": 0.7}
     settings = replace(PUBLISHED, mirrored=mirrored, **changed)
@@ -216,7 +216,7 @@ def test_impossible_settings_are_refused_by_name(change, message):
     assert str(error.value).startswith(message)
 
 
-def test_published_settings_are_the_paper_s():
+def test_published_settings_are_those_of_the_paper():
     p = PUBLISHED
     assert (p.learning_rate, p.critic_learning_rate, p.discount) == (1000, 0.5, 0.95)
     assert (p.actor_trace_decay, p.critic_trace_decay, p.noise) == (0.9, 0.8, 0.01)

@@ -33,7 +33,7 @@ SMALL = BoardPlan(("q-learning", "random-search"), runs=3, seed=4, steps=200)
 
 
 def row(agent="random-search", low=1.0, high=2.0, mean=1.5, successes=10, runs=10, noise="none"):
-    """Return a row in which all but the given is of no importance."""
+    """Return a row in which only the given values matter."""
     some = successes > 0
     return Row(
         agent=agent,
@@ -62,14 +62,14 @@ def cells(line):
 
 
 def tables(text):
-    """Return every table of a text in Markdown: its lines, the head first, as lists of cells."""
+    """Return the tables in a Markdown text: lists of cells, the header first."""
     found = re.findall(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
     return [[cells(line) for line in table.splitlines() if "---" not in line] for table in found]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Return a folder with both boards, made small, and what was said meanwhile."""
+    """Return a folder with small versions of both boards, and the progress messages."""
     folder, said = tmp_path_factory.mktemp("boards"), []
     store = folder / "kept" / "runs.sqlite"
     leaderboard(folder / "new" / "leaderboard.md", SMALL._replace(store=store), said.append)
@@ -94,12 +94,12 @@ def made(tmp_path_factory):
         ([(1, 2)], [1]),
     ],
 )
-def test_who_is_strictly_below_is_better_and_who_overlaps_is_tied(intervals, expected):
+def test_disjoint_intervals_are_ranked_and_overlapping_ones_are_tied(intervals, expected):
     assert ranks([row(low=low, high=high) for low, high in intervals]) == expected
 
 
 def test_ranks_go_by_all_runs():
-    """An agent that fails often is behind, though the runs that succeeded were short."""
+    """An agent that fails often ranks behind, even if its successful runs were short."""
 
     def results(*runs):
         return [
@@ -153,7 +153,7 @@ def test_a_cell_has_rank_mean_interval_and_the_rate_where_runs_failed(made, expe
     assert [line[2] for line in table if line[0] == f"`{made.agent}`"] == [expected]
 
 
-def test_published_lines_stand_below_the_agents():
+def test_published_lines_follow_the_agents():
     columns = {noise: [row(noise=noise)] for noise in PUBLISHED_NOISES}
     (table,) = tables(board(columns, published=True))
     assert {len(line) for line in table} == {2 + len(PUBLISHED_NOISES)}
@@ -182,7 +182,7 @@ def test_the_leaderboard_has_all_cases_agents_and_sources(made):
         assert f"- {source.name}: {source.citation}." in text
 
 
-def test_the_robust_board_has_all_its_columns_and_tells_what_breaks_whom(made):
+def test_the_robust_board_has_all_columns_and_lists_failures(made):
     text = (made[0] / "new" / "robust.md").read_text()
     (table,) = tables(text)
     assert table[0] == ["Agent", "Mean rank", *ROBUST]
@@ -199,13 +199,13 @@ def test_the_robust_board_has_all_its_columns_and_tells_what_breaks_whom(made):
         assert line == f"- `{agent}`: " + (", ".join(failing) or "nothing")
 
 
-def test_a_board_that_breaks_an_agent_says_so():
+def test_failures_are_listed_for_each_agent():
     rows = {"calm": [row("a"), row("b")], "windy": [row("a", successes=9), row("b", runs=10)]}
     assert leaderboards._broken(rows) == "- `a`: windy (90 %)\n- `b`: nothing"
 
 
 @pytest.mark.parametrize("name", ["leaderboard", "robust"])
-def test_a_board_names_all_that_repeats_it(made, name):
+def test_a_board_states_everything_needed_to_repeat_it(made, name):
     text = (made[0] / "new" / f"{name}.md").read_text()
     command = f"upright {name} --agents q-learning,random-search --runs 3 --steps 200 --seed 4"
     assert f"3 runs a case; made by\n`{command}`, upright {__version__}." in text
@@ -214,7 +214,7 @@ def test_a_board_names_all_that_repeats_it(made, name):
         assert f"- `{agent}`: `{make_case(agent).settings}`" in text
 
 
-def test_what_is_usual_is_not_repeated_in_the_command():
+def test_defaults_are_left_out_of_the_command():
     assert "`upright leaderboard --seed 0`" in leaderboards._made(BoardPlan(), "leaderboard", "1.2")
     assert BoardPlan().agents == tuple(AGENTS)
 
@@ -231,8 +231,8 @@ def test_the_command_that_a_board_names_repeats_it(made, name, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize(("name", "usual"), [("leaderboard", 600_000), ("robust", 60_000)])
-def test_the_usual_board_names_a_command_that_makes_it(name, usual, tmp_path, monkeypatch):
-    """The number of steps that the command leaves out is the one that it would take."""
+def test_a_default_board_names_the_command_that_makes_it(name, usual, tmp_path, monkeypatch):
+    """The number of steps that the command leaves out is its default."""
     studies = []
     monkeypatch.setattr(leaderboards, name, lambda path, study: studies.append((path, study)))
     monkeypatch.chdir(tmp_path)
@@ -269,7 +269,7 @@ def test_the_figures_beside_a_board_are_read_back(made):
             )
 
 
-def test_it_says_what_is_measured(made):
+def test_progress_messages_say_what_is_measured(made):
     assert made[1] == [
         "2 agents × 14 tasks × 3 runs, seed 4",
         f"2 agents × {len(ROBUST)} tasks × 3 runs, seed 4",
@@ -336,7 +336,7 @@ def no_runs(monkeypatch):
     ids=str,
 )
 @pytest.mark.parametrize("make", [leaderboard, robust])
-def test_what_cannot_be_made_is_refused_before_anything_is(
+def test_impossible_boards_are_refused_before_anything_is_written(
     make, path, change, said, tmp_path, monkeypatch, no_runs
 ):
     monkeypatch.chdir(tmp_path)
@@ -349,7 +349,7 @@ def test_what_cannot_be_made_is_refused_before_anything_is(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_bad_use_of_the_command_is_one_clear_line(tmp_path, monkeypatch, capsys, no_runs):
+def test_bad_usage_prints_one_clear_line(tmp_path, monkeypatch, capsys, no_runs):
     monkeypatch.chdir(tmp_path)
     for line, said in (
         ("leaderboard --agents nobody", "agent is 'nobody'"),
@@ -367,8 +367,9 @@ def test_bad_use_of_the_command_is_one_clear_line(tmp_path, monkeypatch, capsys,
         assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_command_writes_where_it_is_told(tmp_path, monkeypatch, capsys):
-    """And an agent from outside stands on the board as any other."""
+    """A custom agent appears on the board like any other."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(Path(__file__).parents[1])
     agent = "examples.compiled_agent:hill_climber"

@@ -1,11 +1,14 @@
 import json
 import os
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -20,7 +23,7 @@ from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 UPRIGHT = [
     sys.executable,
     "-c",
-    # What a shell starts in the background ignores Ctrl-C, and so do the processes it starts.
+    # A shell starts background jobs with SIGINT ignored, and their children inherit that.
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from upright.commands.cli import main; main()",
 ]
@@ -41,7 +44,7 @@ def keep_policy(path: Path, weights: Sequence[float]) -> None:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder to work in: files that are no store, and a policy that falls. No display."""
+    """A working folder with a policy that falls and files that are not stores. No display."""
     monkeypatch.chdir(tmp_path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
@@ -117,11 +120,11 @@ def folder(tmp_path, monkeypatch):
         ("", ["COMMAND"]),
     ],
 )
-def test_bad_use_is_one_clear_line_and_changes_nothing(line, said, folder, capsys):
+def test_bad_usage_prints_one_clear_line_and_changes_nothing(line, said, folder, capsys):
     before = files_below(folder)
     try:
         status = run(line.split())
-    except SystemExit as refusal:  # argparse's own way
+    except SystemExit as refusal:  # raised by argparse
         status = refusal.code
     error = capsys.readouterr().err
     assert status == BAD_USE
@@ -141,7 +144,7 @@ def test_learn_shows_every_trial_and_how_it_ended(capsys):
     assert shown[-1].startswith(f"balanced at trial {len(lengths)}")
 
 
-def test_learn_that_fails_says_so_by_its_status(capsys):
+def test_the_exit_status_of_learn_says_whether_it_failed(capsys):
     line = "learn random-search --steps 100000 --trials 2 --seed 0 --quiet"
     assert run(line.split()) == FAILED
     assert "not balanced within 2 trials" in capsys.readouterr().out
@@ -164,7 +167,7 @@ def test_learn_saves_json_where_the_name_says_so(folder, capsys):
     capsys.readouterr()
 
 
-def test_play_tells_by_its_status_whether_it_fell(folder, capsys):
+def test_the_exit_status_of_play_says_whether_the_pole_fell(folder, capsys):
     assert run(["play", "poor.npz", "--episodes", "3"]) == FAILED
     shown = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in shown[:3]] == [["trial", number] for number in "123"]
@@ -173,7 +176,7 @@ def test_play_tells_by_its_status_whether_it_fell(folder, capsys):
     assert "balanced in 10 of 10 trials" in capsys.readouterr().out
 
 
-def test_play_plays_what_was_learned_on_unless_told_otherwise(folder, capsys):
+def test_play_uses_the_task_of_the_policy_by_default(folder, capsys):
     shown = []
     for options in ("", "--noise none --start wide", "--noise gaussian-0.2", "--start zero"):
         run(["play", "poor.npz", *options.split()])
@@ -190,7 +193,7 @@ def test_play_writes_a_video(folder, capsys):
     assert (folder / "film.gif").read_bytes().startswith(b"GIF89a")
 
 
-def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
+def test_tables_are_written_in_every_format_to_a_file_or_the_screen(folder, capsys):
     store = ["--store", "runs.sqlite"]
     assert run(["table", *QUICK, "--runs", "3", *store, "--format", "json", "--output", "t"]) == 0
     rows = json.loads((folder / "t").read_text())
@@ -205,14 +208,46 @@ def test_table_of_every_format_to_a_file_or_the_screen(folder, capsys):
         assert sign in capsys.readouterr().out
 
 
-def test_help_of_every_command_teaches_by_example(capsys):
-    for command in ("", "learn", "play", "table", "reproduce", "show", "plot", "export", "agents"):
-        with pytest.raises(SystemExit) as ended:
-            run([*command.split(), "--help"])
-        assert ended.value.code == 0
-        shown = capsys.readouterr().out
-        assert "examples:" in shown
-        assert f"upright {command}" in shown
+def entries(shown: str) -> list[str]:
+    """Return the arguments, commands and options that a help lists, a line each."""
+    listed = re.findall(r"^(?:positional arguments|options):\n(.*?)\n\n", shown, re.M | re.S)
+    return re.sub(r"\n {5,}", "  ", "\n".join(listed)).splitlines()
+
+
+def commands_in(shown: str) -> list[str]:
+    return [entry.split()[0] for entry in entries(shown) if re.match(r" {4}\w", entry)]
+
+
+@pytest.fixture(scope="module")
+def helps() -> dict[str, str]:
+    """What ``--help`` prints of every command and subcommand."""
+    found, waiting = {}, [""]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "1000")  # no text is broken into lines
+        while waiting:
+            command = waiting.pop()
+            with redirect_stdout(StringIO()) as out, pytest.raises(SystemExit) as ended:
+                run([*command.split(), "--help"])
+            assert ended.value.code == 0
+            found[command] = out.getvalue()
+            waiting += [f"{command} {name}".strip() for name in commands_in(found[command])]
+    return found
+
+
+def test_commands_are_found_in_the_help(helps):
+    """Otherwise the tests below would pass without checking anything."""
+    assert {"", "learn", "leaderboard", "tune", "matlab", "matlab table", "gazebo view"} <= {*helps}
+
+
+def test_help_of_every_command_has_examples(helps):
+    for command, shown in helps.items():
+        assert re.search(rf"^examples:\n(  .*\n)*  upright {command}\b", shown, re.M), command
+
+
+def test_every_argument_and_option_has_a_help_text(helps):
+    for command, shown in helps.items():
+        for entry in entries(shown):
+            assert re.match(r" +\S.*?  +\w", entry) or entry == "  COMMAND", (command, entry)
 
 
 def test_help_needs_no_heavy_library():
@@ -226,7 +261,7 @@ def test_help_needs_no_heavy_library():
     assert result.stdout.endswith("set()\n")
 
 
-def test_agents_tells_settings_and_their_meaning(capsys):
+def test_the_agents_command_explains_every_setting(capsys):
     assert run(["agents"]) == 0
     assert "random-search: Random search" in capsys.readouterr().out
     assert run(["agents", "q-learning"]) == 0
@@ -235,14 +270,14 @@ def test_agents_tells_settings_and_their_meaning(capsys):
     assert "default 0.08, as-published 0.3" in shown
 
 
-def start(folder, *arguments):
+def start(folder, *arguments, **environment):
     return subprocess.Popen(
         [*UPRIGHT, *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"COLUMNS": "80"},
+        env=os.environ | {"COLUMNS": "80"} | environment,
     )
 
 
@@ -256,7 +291,7 @@ def runs_kept(path: Path) -> int:
     database = sqlite3.connect(path, timeout=60)
     try:
         ((count,),) = database.execute("SELECT count(*) FROM runs")
-    except sqlite3.OperationalError:  # the table is still to be made
+    except sqlite3.OperationalError:  # the table does not exist yet
         count = 0
     database.close()
     return count
@@ -274,8 +309,9 @@ def without_times(rows):
     return [{name: row[name] for name in row if name != "seconds"} for row in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_a_stopped_study_keeps_its_runs_and_goes_on(how, tmp_path):
+def test_a_stopped_study_keeps_its_runs_and_can_be_resumed(how, tmp_path):
     whole = start(tmp_path, *[word.replace("runs.sqlite", "whole.sqlite") for word in LONG])
     expected, _ = whole.communicate(timeout=300)
     assert whole.returncode == 0
@@ -297,16 +333,19 @@ def test_a_stopped_study_keeps_its_runs_and_goes_on(how, tmp_path):
     assert without_times(json.loads(shown)) == without_times(json.loads(expected))
 
 
-def test_a_stopped_study_without_a_store_says_that_nothing_was_kept(tmp_path):
+def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(tmp_path):
     words = [word for word in LONG if word not in ("--store", "runs.sqlite")]
-    process = start(tmp_path, *words, "--steps", "10000000")
-    time.sleep(3)
+    process = start(tmp_path, *words, "--steps", "10000000", FORCE_COLOR="1")
+    first = process.stderr.read(1)  # of the progress bar: the study has begun
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert process.returncode == INTERRUPTED
+    assert "nothing was kept" in first + error
     assert "Traceback" not in error
+    assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("weights", "options", "played"),
     [
@@ -315,7 +354,7 @@ def test_a_stopped_study_without_a_store_says_that_nothing_was_kept(tmp_path):
         (POOR_WEIGHTS, ["--episodes", "1000000", "--video", "film.mp4"], "balanced in 0 of "),
     ],
 )
-def test_stopped_play_tells_what_was_played(weights, options, played, tmp_path):
+def test_interrupted_play_reports_what_was_played(weights, options, played, tmp_path):
     keep_policy(tmp_path / "policy.npz", weights)
     process = start(tmp_path, "play", "policy.npz", *options)
     assert process.stdout.readline().startswith("trial    1 ")
@@ -327,6 +366,7 @@ def test_stopped_play_tells_what_was_played(weights, options, played, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["policy.npz"]
 
 
+@pytest.mark.slow
 def test_two_processes_share_one_store(tmp_path):
     processes = [start(tmp_path, *LONG) for _ in range(2)]
     shown = [process.communicate(timeout=300)[0] for process in processes]

@@ -21,14 +21,14 @@ def copied(tmp_path):
 
 
 def in_copy(package, code, **environment):
-    """Return what a program prints that uses the copy, and fail if it fails."""
+    """Return the output of a program that uses the copy; fail if it fails."""
     ended = python(code, PYTHONPATH=str(package.parent), **environment)
     assert ended.returncode == 0, ended.stderr
     return ended.stdout
 
 
 def change(path, old, new):
-    """Change a source file, keeping its size and date: nothing but its content tells."""
+    """Change a source file but keep its size and date, so that only its content differs."""
     assert len(old) == len(new)
     before, text = path.stat(), path.read_text()
     assert text.count(old) == 1
@@ -77,8 +77,9 @@ print(step(Parameters(), State(0.0, 0.1, 0.2, 0.3), 10.0))
 """
 
 
+@pytest.mark.slow
 def test_a_changed_file_is_compiled_anew(copied, tmp_path):
-    """Even into the kernels of other files, which Numba alone would not notice."""
+    """Also into kernels of other files, which Numba by itself would not notice."""
     cache = str(tmp_path / "cache")
     before = in_copy(copied, RUN, NUMBA_CACHE_DIR=cache)
     assert before == in_copy(copied, RUN, NUMBA_CACHE_DIR=cache)
@@ -88,8 +89,9 @@ def test_a_changed_file_is_compiled_anew(copied, tmp_path):
     assert after == in_copy(copied, RUN, NUMBA_CACHE_DIR=str(tmp_path / "fresh"))
 
 
+@pytest.mark.slow
 def test_functions_can_be_called_from_python_after_compiled_code_called_them(tmp_path):
-    """The two ways to compile a function do not take each other's machine code from the disk."""
+    """The two compiled forms of a function do not share machine code on disk."""
     cache = str(tmp_path)
     alone = python(STEP, NUMBA_CACHE_DIR=cache)
     assert alone.stdout.startswith("State(")
@@ -99,7 +101,8 @@ def test_functions_can_be_called_from_python_after_compiled_code_called_them(tmp
         assert alone.stdout in ended.stdout
 
 
-def test_it_works_where_no_usual_folder_can_be_written(tmp_path):
+@pytest.mark.slow
+def test_a_temporary_cache_serves_where_the_usual_folders_are_read_only(tmp_path):
     wall = tmp_path / "a file, no folder"
     wall.touch()
     places = dict.fromkeys(("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "TMPDIR"), str(wall))
@@ -110,7 +113,7 @@ def test_it_works_where_no_usual_folder_can_be_written(tmp_path):
 
 
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"])
-def test_kernels_are_kept_in_the_user_s_folder(variable, tmp_path):
+def test_kernels_are_cached_in_the_user_folder(variable, tmp_path):
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", variable: str(tmp_path)}
     ended = python("from upright.core.compiled import CACHE_FOLDER; print(CACHE_FOLDER)", **places)
     assert Path(ended.stdout.strip()).is_relative_to(tmp_path)
@@ -121,7 +124,7 @@ def test_kernels_are_kept_in_the_user_s_folder(variable, tmp_path):
 
 
 @pytest.mark.parametrize("name", AGENTS)
-def test_the_package_s_agents_are_compiled(name):
+def test_built_in_agents_are_compiled(name):
     import numpy as np
 
     assert is_compiled(AGENTS.settings(name)["default"].agent(np.random.default_rng(1)))

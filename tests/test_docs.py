@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from helpers import recorded_rows
 
+from upright.core.conditions import PUBLISHED_NOISES
 from upright.reports.reproduction import report
 from upright.reports.tables import mean_text
 
@@ -25,11 +26,12 @@ def test_every_link_leads_to_a_file(page):
 
 def test_the_readme_quotes_the_recorded_study(rows):
     readme = (ROOT / "README.md").read_text()
-    for row in rows:
-        if row.settings == "default":
-            line = re.search(rf"^\| {re.escape(row.task.noise)} \|.*$", readme, re.MULTILINE)
-            assert line, row.task.noise
-            assert mean_text(row) in line[0], (row.agent, row.task.noise)
+    quoted = [row for row in rows if row.settings == "default"]
+    assert len(quoted) == 3 * len(PUBLISHED_NOISES)
+    for row in quoted:
+        line = re.search(rf"^\| {re.escape(row.task.noise)} \|.*$", readme, re.MULTILINE)
+        assert line, row.task.noise
+        assert mean_text(row) in line[0], (row.agent, row.task.noise)
 
 
 def test_the_recorded_report_is_what_the_program_writes(rows):
@@ -38,10 +40,11 @@ def test_the_recorded_report_is_what_the_program_writes(rows):
 
 def test_the_recorded_study_meets_its_targets(rows):
     limits = {"reinforce": 10.0, "q-learning": 60.0}
-    for row in rows:
-        if row.settings == "default" and row.agent in limits:
-            assert row.runs == row.successes == 100
-            assert row.mean_trials <= limits[row.agent]
+    limited = [row for row in rows if row.settings == "default" and row.agent in limits]
+    assert len(limited) == len(limits) * len(PUBLISHED_NOISES)
+    for row in limited:
+        assert row.runs == row.successes == 100
+        assert row.mean_trials <= limits[row.agent]
 
 
 def recorded(page, where):

@@ -85,7 +85,7 @@ def test_the_same_scene_gives_the_same_picture_and_another_one_does_not():
 
 @pytest.mark.parametrize("x", [-2.4, -1.0, 0.0, 0.3, 2.4])
 @pytest.mark.parametrize("half_length", [0.25, 0.5, 2.0])
-def test_the_cart_stands_where_it_is(x, half_length):
+def test_the_cart_is_drawn_at_its_position(x, half_length):
     parameters = NOMINAL._replace(half_length=half_length)
     columns, rows = places(draw(at(x), parameters), CART)
     middle = (columns.min() + columns.max() + 1) / 2
@@ -95,7 +95,7 @@ def test_the_cart_stands_where_it_is(x, half_length):
 
 @pytest.mark.parametrize("degrees", [-110, -30, -10, 0, 4, 10, 90])
 @pytest.mark.parametrize("half_length", [0.25, 0.5, 2.0])
-def test_the_pole_is_as_long_as_it_is_and_leans_as_it_leans(degrees, half_length):
+def test_the_pole_is_drawn_with_its_length_and_angle(degrees, half_length):
     parameters = NOMINAL._replace(half_length=half_length)
     columns, rows = places(draw(at(0.2, degrees), parameters), POLE)
     far = np.argmax(np.hypot(columns - WIDTH / 2, rows - HINGE_Y))
@@ -161,7 +161,7 @@ BEYOND = [at(3, 110), at(-50, -400), at(1e300, 1e300), State(0, math.inf, 0, 0),
 
 
 @pytest.mark.parametrize("state", BEYOND)
-def test_a_state_beyond_all_limits_has_a_picture(state):
+def test_states_beyond_all_limits_can_be_drawn(state):
     pixels = draw(state, measured=State(*[math.inf] * 4), force=1e9)
     number = all(map(math.isfinite, state))
     assert (len(places(pixels, CART)[0]) > 0) == number
@@ -194,7 +194,7 @@ def test_without_pygame_only_text_can_be_drawn(monkeypatch, tmp_path):
     assert "pole" in text_picture(NOMINAL, Scene(UPRIGHT))
 
 
-def test_another_pygame_is_refused(monkeypatch):
+def test_the_original_pygame_is_refused(monkeypatch):
     monkeypatch.delattr(pygame, "IS_CE")
     with pytest.raises(UprightError, match="needs pygame-ce, but there is pygame"):
         draw()
@@ -244,7 +244,7 @@ def frames(count):
         yield draw(at(i / 50, i / 10), caption=f"step {i}")
 
 
-def test_an_mp4_holds_every_picture_in_a_form_that_browsers_play(tmp_path):
+def test_an_mp4_holds_every_picture_in_a_format_that_browsers_play(tmp_path):
     path = tmp_path / "film.mp4"
     write_video(path, frames(60), 50)
     reader = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path]
@@ -257,7 +257,7 @@ def test_an_mp4_holds_every_picture_in_a_form_that_browsers_play(tmp_path):
         assert np.abs(frame.astype(int) - drawn).mean() < 3
 
 
-def test_a_gif_holds_every_picture_and_repeats(tmp_path):
+def test_a_gif_holds_every_picture_and_loops(tmp_path):
     path = tmp_path / "film.gif"
     write_video(path, frames(120), 50)
     with Image.open(path) as film:
@@ -270,7 +270,7 @@ def test_a_gif_holds_every_picture_and_repeats(tmp_path):
             assert np.abs(np.asarray(film.convert("RGB"), int) - drawn).mean() < 1
 
 
-def test_pictures_are_written_as_they_come(tmp_path):
+def test_frames_are_written_as_they_arrive(tmp_path):
     alive = weakref.WeakSet()
 
     class Frame(np.ndarray):
@@ -321,7 +321,7 @@ def test_an_impossible_video_is_refused(name, given, said, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_writer_that_fails_on_the_way_leaves_nothing(monkeypatch, tmp_path):
+def test_a_failing_writer_leaves_no_file(monkeypatch, tmp_path):
     failing = tmp_path / "failing"
     failing.write_text("#!/bin/sh\nhead -c 1000000 >/dev/null\necho disk full >&2\nexit 1\n")
     failing.chmod(0o755)
@@ -358,7 +358,9 @@ def test_a_window_keeps_its_pace(window):
     began = time.monotonic()
     for _ in range(20):
         window.show(pixels)
-    assert 0.38 <= time.monotonic() - began < 2.0
+    taken = time.monotonic() - began
+    assert taken > 0.38
+    assert taken < 10  # 0.4 s, but for what else the machine has to do
 
 
 @pytest.mark.parametrize(

@@ -42,19 +42,19 @@ def test_sine_and_cosine_of_zero_are_exact():
     assert sine_cosine(0.0) == (0.0, 1.0)
 
 
-def test_small_angles_and_others_meet_without_a_step():
+def test_the_small_angle_branch_joins_the_other_smoothly():
     for angle in (SMALL, np.nextafter(SMALL, 1), -SMALL, np.nextafter(-SMALL, -1)):
         expected = (math.sin(angle), math.cos(angle))
         assert sine_cosine(angle) == pytest.approx(expected, rel=0, abs=3e-16)
 
 
 @given(number(-SMALL, SMALL))
-def test_the_series_is_what_sine_and_cosine_are_made_of(angle):
+def test_sine_and_cosine_of_small_angles_are_the_series(angle):
     sine, one_less_cosine = small_sine_cosine(angle)
     assert sine_cosine(angle) == (sine, 1.0 - one_less_cosine)
 
 
-def test_no_number_has_no_sine():
+def test_the_sine_of_nan_is_nan():
     assert all(map(math.isnan, sine_cosine(math.nan)))
 
 
@@ -70,7 +70,7 @@ def test_logarithm_agrees_with_the_library(x):
 
 
 @pytest.mark.parametrize("x", [1.0, 1 - 2.0**-53, 2.0**-53, 2.0, math.sqrt(0.5), math.sqrt(2.0)])
-def test_logarithm_at_its_seams(x):
+def test_logarithm_at_branch_boundaries(x):
     assert logarithm(x) == pytest.approx(math.log(x), rel=1e-15, abs=0)
 
 
@@ -84,7 +84,7 @@ def compiled_logarithm(x):
     return logarithm(x)
 
 
-def test_compiled_and_in_python_they_have_the_same_bits():
+def test_compiled_and_plain_results_have_the_same_bits():
     for u in np.random.default_rng(1).random(1000).tolist():
         assert compiled_logarithm(1.0 - u) == logarithm(1.0 - u)
         assert compiled_cosine_of_turns(u) == cosine_of_turns(u)

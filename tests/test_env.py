@@ -11,10 +11,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from helpers import GOOD_WEIGHTS, make_task, python
 
-from upright.core.cartpole import step
-from upright.core.conditions import NOISES, Noise
+from upright.core.cartpole import INTEGRATORS, step
+from upright.core.conditions import NOISES, STARTS, Noise
 from upright.core.many import PART
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.parameters import Parameters, State
 from upright.core.trials import trial
 from upright.environments.cartpole_env import CartPoleEnv, StreamOfLane
 from upright.environments.vector_env import CartPoleVectorEnv
@@ -23,12 +23,7 @@ from upright.plants.equations import equations
 
 NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
 MODES = ("NextStep", "SameStep", "Disabled")
-OTHER_PLANT = {
-    "pole_mass": 0.2,
-    "half_length": 1,
-    "angle_limit": 0.08,
-    "integrator": Integrator.RK4,
-}
+OTHER_PLANT = {"pole_mass": 0.2, "half_length": 1, "angle_limit": 0.08}
 
 
 @pytest.fixture(autouse=True)
@@ -58,13 +53,13 @@ def act(env, rng, *shape):
 
 
 @pytest.mark.parametrize("order", ["upright, gymnasium", "gymnasium, upright"])
-def test_to_import_the_package_suffices(order):
+def test_importing_the_package_registers_the_environments(order):
     code = f"import {order}; print(gymnasium.make('{NAMES[0]}').reset(seed=1)[0].shape)"
     assert python(code).stdout == "(4,)\n"
 
 
-def test_to_look_for_gymnasium_is_not_to_import_it():
-    """Some ask first whether it is there."""
+def test_looking_for_gymnasium_does_not_import_it():
+    """Some programs check whether it is installed first."""
     look = "import importlib.util, upright; importlib.util.find_spec('gymnasium')"
     result = python(f"{look}; import gymnasium; gymnasium.make('{NAMES[0]}').reset()")
     assert result.returncode == 0, result.stderr
@@ -89,18 +84,19 @@ def test_an_episode_is_a_trial_unless_asked_otherwise(name):
 
 # -------------------------------------------------------------------------------- environment
 
+ARGUMENTS = ("name", "noise", "start", "reward", "dtype", "parameters", "integrator")
 VARIANTS = [
-    dict(zip(("name", "noise", "start", "reward", "dtype", "parameters"), values, strict=True))
+    dict(zip(ARGUMENTS, values, strict=True))
     for values in (
-        *itertools.product(NAMES, NOISES, ["random"], ["survival"], ["float32"], [None]),
-        (NAMES[0], "none", "zero", "failure", "float64", OTHER_PLANT),
-        (NAMES[1], "all-10", "wide", "failure", "float64", Parameters(force=0.1)),
+        *itertools.product(NAMES, NOISES, ["random"], ["survival"], ["float32"], [None], ["euler"]),
+        (NAMES[0], "none", "zero", "failure", "float64", OTHER_PLANT, "rk4"),
+        (NAMES[1], "all-10", "wide", "failure", "float64", Parameters(force=0.1), "euler"),
     )
 ]
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda v: "-".join(map(str, v.values())))
-def test_it_passes_gymnasiums_check(variant):
+def test_the_gymnasium_checker_passes(variant):
     env = make(**variant, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*infinity")  # nothing bounds a velocity
@@ -108,10 +104,21 @@ def test_it_passes_gymnasiums_check(variant):
         check_env(env.unwrapped)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_integrator_moves_the_plant(integrator):
+    env = make(integrator=integrator, dtype="float64").unwrapped
+    state = State(0.1, 0.2, 0.05, 0.4)
+    env.reset(seed=1, options={"state": state})
+    for action in (1, 0, 0):
+        force = 10.0 if action else -10.0
+        state = step(Parameters(), state, force, int(INTEGRATORS[integrator]))
+        np.testing.assert_array_equal(env.step(action)[0], state)
+
+
 @pytest.mark.parametrize("noise", NOISES)
-@pytest.mark.parametrize("start", ["random", "zero", "wide"])
+@pytest.mark.parametrize("start", STARTS)
 def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, start):
-    """An agent in the loop sees and lasts what it sees and lasts in the environment."""
+    """An agent sees the same and lasts as long in the loop and in the environment."""
 
     class Agent:
         def __init__(self):
@@ -140,15 +147,22 @@ def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, star
     assert over == fallen
 
 
-@pytest.mark.parametrize("noise", NOISES)
+def test_without_noise_the_observation_is_the_state():
+    env = make(noise="none", dtype="float64")
+    state = [0.1, -0.2, 0.05, 0.3]
+    observation, info = env.reset(seed=2, options={"state": state})
+    assert info == {}
+    np.testing.assert_array_equal(observation, state)
+    observation, *_, info = env.step(1)
+    assert info == {}
+    np.testing.assert_array_equal(observation, step(Parameters(), State(*state), 10.0))
+
+
+@pytest.mark.parametrize("noise", [name for name in NOISES if name != "none"])
 def test_info_has_the_true_state_under_noise(noise):
     env = make(noise=noise, dtype="float64")
     state = [0.1, -0.2, 0.05, 0.3]
     observation, info = env.reset(seed=2, options={"state": state})
-    if noise == "none":
-        assert info == {}
-        np.testing.assert_array_equal(observation, state)
-        return
     np.testing.assert_array_equal(info["state"], state)
     for action in (1, 0, 1, 1):
         before = State(*info["state"].tolist())
@@ -161,7 +175,7 @@ def test_info_has_the_true_state_under_noise(noise):
         assert np.allclose(observation, info["state"], atol=0.1)
 
 
-def test_rewards_and_the_end():
+def test_rewards_and_termination():
     for reward, each, last in (("survival", 1.0, 1.0), ("failure", 0.0, -1.0)):
         env = make(reward=reward)
         env.reset(seed=1)
@@ -209,7 +223,7 @@ def test_the_same_seed_gives_the_same_episodes():
     assert unseeded[0].unwrapped.np_random_seed != unseeded[1].unwrapped.np_random_seed
 
 
-def test_any_generator_serves():
+def test_any_numpy_generator_can_be_used():
     env = make(noise="all-5").unwrapped
     env.np_random = np.random.default_rng(5)
     first = env.reset()[0], env.step(1)[0]
@@ -219,7 +233,7 @@ def test_any_generator_serves():
 
 
 @pytest.mark.parametrize("clone", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_goes_on_alike(clone):
+def test_a_copy_continues_identically(clone):
     env = make(noise="gaussian-0.2", render_mode="human")
     env.reset(seed=1)
     env.step(1)
@@ -232,7 +246,7 @@ def test_a_copy_goes_on_alike(clone):
     env.close()
 
 
-def test_pictures():
+def test_rendering_one():
     env = make(noise="gaussian-0.2", render_mode="rgb_array")
     env.reset(seed=1)
     first = env.render()
@@ -278,7 +292,8 @@ def test_a_window_opens_with_the_first_episode_and_closes():
         ({"parameters": {"time_step": float("inf")}}, "time_step is inf"),
         ({"parameters": {"mass": 1.0}}, "parameter is 'mass'; it must be one of gravity"),
         ({"parameters": Parameters(cart_mass=-1.0)}, "cart_mass is -1.0"),
-        ({"parameters": {"integrator": 9}}, "integrator is 9"),
+        ({"parameters": {"integrator": 2}}, "parameter is 'integrator'; it must be one of gravity"),
+        ({"integrator": 9}, "integrator is 9; it must be one of euler, semi-implicit, rk4"),
     ],
 )
 def test_impossible_arguments_are_refused(make_one, options, message):
@@ -287,14 +302,14 @@ def test_impossible_arguments_are_refused(make_one, options, message):
 
 
 @pytest.mark.parametrize("mode", ["4k", "human-like"])
-def test_unknown_ways_to_render_are_refused(mode):
+def test_unknown_render_modes_are_refused(mode):
     for make_one in (CartPoleEnv, CartPoleVectorEnv):
         with pytest.raises(UprightError, match=f"render_mode is '{mode}'; it must be one of"):
             make_one(render_mode=mode)
 
 
 @pytest.mark.parametrize("action", [2, -1, 0.5, "left", None, np.array([0, 1]), float("nan")])
-def test_wrong_pushes_are_refused_and_change_nothing(action):
+def test_invalid_actions_are_refused_and_change_nothing(action):
     env, other = make().unwrapped, make().unwrapped
     env.reset(seed=1)
     other.reset(seed=1)
@@ -304,7 +319,7 @@ def test_wrong_pushes_are_refused_and_change_nothing(action):
 
 
 @pytest.mark.parametrize("action", [[10.1], [-11], [float("nan")], [0.0, 1.0], 3.0, "left", [None]])
-def test_wrong_forces_are_refused(action):
+def test_invalid_forces_are_refused(action):
     env = make(NAMES[1]).unwrapped
     env.reset(seed=1)
     with pytest.raises(InvalidAction, match=r"it must be in Box\(-10.0, 10.0, \(1,\), float32\)"):
@@ -341,7 +356,7 @@ def test_unknown_options_are_refused():
             env.reset(options={"low": -0.1})
 
 
-def test_nothing_works_before_the_first_reset():
+def test_methods_fail_before_the_first_reset():
     env, envs = CartPoleEnv(render_mode="ansi"), CartPoleVectorEnv(2, render_mode="ansi")
     for attempt in (
         lambda: env.step(1),
@@ -358,7 +373,7 @@ def test_nothing_works_before_the_first_reset():
 
 
 def assert_alike(ours, theirs):
-    """Compare what two vector environments return; of infos, what their masks say is told."""
+    """Compare what two vector environments return; of infos, only what their masks select."""
     assert ours.keys() == theirs.keys()
     for name, value in theirs.items():
         if isinstance(value, dict):
@@ -384,10 +399,18 @@ def assert_steps_alike(ours, theirs):
     ("name", "options"),
     [
         (NAMES[0], {"start": "wide"}),
-        (NAMES[1], {"dtype": "float64", "reward": "failure", "parameters": OTHER_PLANT}),
+        (
+            NAMES[1],
+            {
+                "dtype": "float64",
+                "reward": "failure",
+                "parameters": OTHER_PLANT,
+                "integrator": "rk4",
+            },
+        ),
     ],
 )
-def test_it_equals_as_many_scalar_environments_step_for_step(mode, noise, name, options):
+def test_a_vector_environment_equals_as_many_single_ones_step_for_step(mode, noise, name, options):
     count, options = 6, options | {"noise": noise, "max_episode_steps": 25}
     ours = make_many(count, name, autoreset_mode=mode, **options)
     theirs = gymnasium.make_vec(
@@ -421,7 +444,7 @@ def test_it_equals_as_many_scalar_environments_step_for_step(mode, noise, name, 
 
 
 @pytest.mark.parametrize("count", [1, PART - 1, PART, PART + 1, 3 * PART + 17])
-def test_every_lane_of_any_number_is_like_an_environment_of_its_own(count):
+def test_every_lane_matches_an_environment_of_its_own(count):
     """Lanes at the seams of parts and of vectors of the processor."""
     envs = make_many(count, noise="gaussian-0.2")
     observations, _ = envs.reset(seed=100)
@@ -441,8 +464,8 @@ def test_every_lane_of_any_number_is_like_an_environment_of_its_own(count):
         np.testing.assert_array_equal([block[lane] for block in seen], expected)
 
 
-def test_lanes_beyond_small_angles_are_like_environments_of_their_own():
-    """Where limits are wide, the loop takes another way through sine and cosine."""
+def test_lanes_beyond_small_angles_match_environments_of_their_own():
+    """With wide limits, the loop takes another branch of sine and cosine."""
     plant = {"angle_limit": 3.0, "position_limit": 50.0}
     envs, env = make_many(PART, parameters=plant), make(parameters=plant)
     pushes = np.ones(PART, int)
@@ -452,8 +475,8 @@ def test_lanes_beyond_small_angles_are_like_environments_of_their_own():
     assert 1 < abs(seen[-1][2]) < 3
 
 
-def test_noise_draws_nothing_for_a_lane_that_begins_anew():
-    """In the step that begins an episode, a lane's stream serves that alone."""
+def test_no_noise_is_drawn_for_a_lane_that_starts_over():
+    """In the step that begins an episode, a lane's stream is used for the start alone."""
     for noise in NOISES:
         envs = make_many(3, noise=noise, max_episode_steps=1)
         envs.reset(seed=1)
@@ -489,7 +512,7 @@ def test_states_can_be_chosen_for_all_or_for_each():
     np.testing.assert_array_equal(observations, np.where(mask[:, None], -states, states))
 
 
-def test_what_was_returned_is_never_changed_later():
+def test_returned_arrays_are_never_changed_later():
     envs = make_many(5, noise="all-5", autoreset_mode="SameStep", start="wide")
     rng = np.random.default_rng(0)
     kept = [(each := envs.reset(seed=1), copy.deepcopy(each))]
@@ -503,7 +526,7 @@ def test_what_was_returned_is_never_changed_later():
 
 
 @pytest.mark.parametrize("kind", [np.int32, np.uint8, np.bool_, list])
-def test_pushes_of_any_whole_type_are_taken(kind):
+def test_actions_of_any_integer_type_are_accepted(kind):
     envs, others = make_many(4), make_many(4)
     envs.reset(seed=1)
     others.reset(seed=1)
@@ -523,7 +546,7 @@ def test_pushes_of_any_whole_type_are_taken(kind):
         (["left"] * 3, "type <U4"),
     ],
 )
-def test_wrong_batches_are_refused_and_change_nothing(actions, message):
+def test_invalid_batches_are_refused_and_change_nothing(actions, message):
     envs, others = make_many(3), make_many(3)
     envs.reset(seed=1)
     others.reset(seed=1)
@@ -532,7 +555,7 @@ def test_wrong_batches_are_refused_and_change_nothing(actions, message):
     assert_steps_alike(envs.step(np.array([0, 1, 0])), others.step(np.array([0, 1, 0])))
 
 
-def test_wrong_batches_of_forces_are_refused():
+def test_invalid_batches_of_forces_are_refused():
     envs = make_many(2, NAMES[1])
     envs.reset(seed=1)
     for forces in ([[0.0], [np.nan]], [[10.5], [0.0]], [0.0, 0.0]):
@@ -555,7 +578,7 @@ def test_without_autoreset_an_ended_episode_must_be_reset():
 @pytest.mark.parametrize(
     "mask", [[True], [0, 1, 1], np.zeros(3, bool), np.ones((3, 1), bool), "all"]
 )
-def test_wrong_masks_are_refused(mask):
+def test_invalid_masks_are_refused(mask):
     envs = make_many(3)
     envs.reset(seed=1)
     with pytest.raises(UprightError, match=r"(?s)reset_mask is .*; it must be 3 bools"):
@@ -563,7 +586,7 @@ def test_wrong_masks_are_refused(mask):
 
 
 @pytest.mark.parametrize("seed", [[1, 2], -1, [1, -2, 3], [1, 2.5, 3]])
-def test_wrong_seeds_are_refused(seed):
+def test_invalid_seeds_are_refused(seed):
     with pytest.raises(UprightError, match="seed"):
         make_many(3).reset(seed=seed)
 
@@ -582,7 +605,7 @@ def test_impossible_vector_environments_are_refused(options, message):
 
 
 @pytest.mark.parametrize("clone", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
-def test_a_copy_of_many_goes_on_alike(clone):
+def test_a_copy_of_a_vector_environment_continues_identically(clone):
     envs = make_many(4, noise="all-10")
     envs.reset(seed=1)
     envs.step(np.array([0, 1, 1, 0]))
@@ -591,7 +614,7 @@ def test_a_copy_of_many_goes_on_alike(clone):
         assert_steps_alike(envs.step(np.array([0, 1, 0, 1])), others.step(np.array([0, 1, 0, 1])))
 
 
-def test_pictures_of_many():
+def test_rendering_many():
     envs = make_many(2, render_mode="rgb_array", start="wide")
     envs.reset(seed=1)
     first, second = envs.render()
@@ -602,7 +625,7 @@ def test_pictures_of_many():
     assert [text.partition("\n")[0] for text in texts.render()] == ["cart 0", "cart 1"]
 
 
-def test_gymnasiums_wrappers_take_it():
+def test_gymnasium_wrappers_can_be_used():
     envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(make_many(8, noise="sensor-5"))
     envs.reset(seed=1)
     lengths = []

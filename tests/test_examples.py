@@ -16,8 +16,8 @@ from examples import agents_on_gymnasium
 from examples.agents_on_gymnasium import GymnasiumBody, make_run
 
 
-def test_adaptive_lqr_balances_gymnasium_s_own_cart_pole():
-    """For four times as long as Gymnasium lets an episode last unless told otherwise."""
+def test_adaptive_lqr_balances_the_cart_pole_of_gymnasium():
+    """For four times as long as Gymnasium's episodes last by default."""
     case = make_case("adaptive-lqr", steps=2000, trials=20)
     for number in range(3):
         result = make_run("CartPole-v1", case, 0, number)
@@ -59,7 +59,7 @@ def test_an_environment_of_another_kind_is_refused():
 
 
 def test_the_environment_tells_when_the_pole_has_fallen():
-    """By its own limits, whatever those of the task."""
+    """By its own limits, whatever the limits of the task are."""
     task, lengths = make_case("random-search", steps=200).task(), []
     for limit in (0.2, 0.1):
         body = GymnasiumBody("CartPole-v1", 200, 0)

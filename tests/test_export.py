@@ -72,7 +72,7 @@ class Learned(NamedTuple):
 
     @property
     def close(self):
-        """Where the last sum is so near zero that float32 may take it for the other side."""
+        """Where the last sum is so near zero that its sign may differ in float32."""
         *hidden, (weights, unit) = self.policy.form.layers
         if unit == "sigmoid":
             return np.zeros(COUNT, np.bool_)
@@ -215,7 +215,7 @@ def test_c_balances_as_python_does(learned, tmp_path):
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ is missing: no C++ is compiled")
 @pytest.mark.parametrize("flags", [flags for _, flags in REALS.values()], ids=list(REALS))
-def test_the_header_is_cpp_too(flags, learned, tmp_path):
+def test_the_header_compiles_as_cpp(flags, learned, tmp_path):
     compile_c(tmp_path, c_header(learned.policy), flags, ("g++", "-x", "c++", "-std=c++11"))
 
 
@@ -263,7 +263,7 @@ def test_onnx_keeps_the_history(learned):
     np.testing.assert_array_equal(following[:-1][goes_on], learned.histories[1:][goes_on])
 
 
-def test_the_graph_tells_its_contract_and_versions(learned):
+def test_the_onnx_metadata_has_contract_and_versions(learned):
     model = onnx.load_from_string(onnx_model(learned.policy))
     told = {entry.key: json.loads(entry.value) for entry in model.metadata_props}
     assert told == learned.policy.contract()
@@ -274,7 +274,7 @@ def test_the_graph_tells_its_contract_and_versions(learned):
     assert [(each.domain, each.version) for each in model.opset_import] == [("", OPSET)]
 
 
-def test_onnx_that_is_not_installed_is_told_in_one_line(monkeypatch, tmp_path, capsys):
+def test_a_missing_onnx_is_reported_in_one_line(monkeypatch, tmp_path, capsys):
     path = saved("random-search", tmp_path)
     monkeypatch.setitem(sys.modules, "onnx", None)
     assert run(["export", str(path), str(tmp_path / "policy.onnx")]) == BAD_USE
@@ -331,7 +331,7 @@ def test_a_policy_without_edges_has_one_box():
     assert in_onnx(policy).run(None, {"observation": np.zeros((1, 4), np.float32)})[0] == 1.0
 
 
-def test_export_writes_what_the_ending_says(tmp_path, capsys):
+def test_the_file_extension_selects_the_format(tmp_path, capsys):
     path = saved("reinforce", tmp_path)
     assert run(["export", str(path), str(tmp_path / "policy.h")]) == 0
     assert run(["export", str(path), str(tmp_path / "policy.onnx")]) == 0
@@ -358,7 +358,7 @@ def test_export_refuses_what_it_cannot_write(output, said, tmp_path, monkeypatch
 
 
 class Formless(NamedTuple):
-    """A memory that tells probabilities, and nothing of how it finds them."""
+    """A memory that gives probabilities, but not how it computes them."""
 
     def push_probability(self, observation):
         return 0.5

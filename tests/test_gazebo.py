@@ -23,24 +23,24 @@ from upright.studies.case import make_case
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE, INTERRUPTED
 
-pytestmark = pytest.mark.gazebo
+pytestmark = [pytest.mark.gazebo, pytest.mark.slow]
 STATE = State(0.1, -0.2, 0.03, 0.4)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
 """A hundred times the friction, as in the condition friction-100."""
 COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
 LIMIT = 120
-"""No process takes longer [s]."""
+"""Time limit of every process [s]."""
 
 
 @pytest.fixture(autouse=True)
 def _none_is_left(monkeypatch, tmp_path_factory):
-    """Let servers work in a folder of their own, and see that all of them end."""
+    """Give servers a folder of their own, and check that all of them end."""
     tmp_path_factory.getbasetemp()  # before there is another place for it
     with tempfile.TemporaryDirectory(prefix="gazebo-") as folder:
         monkeypatch.setenv("TMPDIR", folder)
         monkeypatch.setattr(tempfile, "tempdir", folder)
         yield
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while (left := running(f"gzserver.*{folder}")) and time.monotonic() < until:
             time.sleep(0.1)
         assert not left
@@ -53,7 +53,7 @@ def running(pattern):
 
 @pytest.fixture
 def make():
-    """Make a plant that is closed in the end."""
+    """Return a function that makes plants, which are closed in the end."""
     made = []
 
     def make_one(settings=None, parameters=None):
@@ -71,7 +71,7 @@ def make():
 
 @pytest.fixture
 def learner():
-    """Start a command that is killed in the end."""
+    """Return a function that starts commands, which are killed in the end."""
     started = []
 
     def start(line):
@@ -97,7 +97,7 @@ def learner():
     [(Gazebo(), 6e-3), (Gazebo("ode"), 6e-3), (Gazebo(physics_step=0.0005), 3e-3)],
     ids=["dart", "ode", "finer"],
 )
-def test_it_moves_as_the_equations(settings, tolerance, parameters, make):
+def test_it_moves_like_the_equations(settings, tolerance, parameters, make):
     """Gazebo's engines are of first order, so that the error halves with the time step."""
     plant, exact = make(settings, parameters), FinePlant(parameters)
     for forces in PUSHES.values():
@@ -106,14 +106,14 @@ def test_it_moves_as_the_equations(settings, tolerance, parameters, make):
 
 
 def test_a_push_may_exceed_that_of_a_command(make):
-    """Noise adds to it."""
+    """Noise is added to a command."""
     plant, exact = make(), FinePlant(Parameters())
     plant.reset(STATE)
     exact.reset(STATE)
     assert plant.step(11.0).x_dot == pytest.approx(exact.step(11.0).x_dot, abs=1e-3)
 
 
-def test_two_move_at_once(make):
+def test_two_plants_move_independently(make):
     one, other = make(), make()
     assert one.reset(STATE) == STATE
     assert other.reset(STATE._replace(x=-1.0)).x == -1.0
@@ -129,7 +129,7 @@ def test_two_move_at_once(make):
         ("physics_step=0.003", "physics_step is 0.003; it must be the time step of 0.02 s divided"),
     ],
 )
-def test_wrong_settings_are_refused(line, message, capsys):
+def test_invalid_settings_are_refused(line, message, capsys):
     assert run(f"learn random-search --plant gazebo --plant-set {line}".split()) == BAD_USE
     assert message in capsys.readouterr().err
 
@@ -153,7 +153,7 @@ def test_the_same_seed_makes_the_same_trials():
     assert first == again
 
 
-def test_the_simulator_of_ros_2_can_have_it(learner, monkeypatch):
+def test_the_ros_2_simulator_can_use_gazebo(learner, monkeypatch):
     pytest.importorskip("rclpy")
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     process = learner("ros2 demo adaptive-lqr --plant gazebo --steps 500")
@@ -193,12 +193,12 @@ def test_a_server_that_cannot_be_started_again_ends_the_run(make, monkeypatch):
         plant.step(10.0)
 
 
-def test_a_server_that_ends_as_it_starts_tells_why(make, monkeypatch):
+def test_a_server_that_fails_to_start_says_why(make, monkeypatch):
     gazebo = server.find_gazebo()
     nowhere = gazebo.environment | {"GAZEBO_PLUGIN_PATH": ""}
     monkeypatch.setattr(server, "find_gazebo", lambda: gazebo._replace(environment=nowhere))
-    monkeypatch.setattr(server, "STARTING", 5.0)
-    with pytest.raises(UprightError, match=r"gzserver did not start within 5 s: .*stepper"):
+    monkeypatch.setattr(server, "STARTING", 15.0)  # enough for its complaint, on a busy machine
+    with pytest.raises(UprightError, match=r"gzserver did not start within 15 s: .*stepper"):
         make()
 
 

@@ -33,7 +33,7 @@ needs_debian = pytest.mark.skipif(
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Give a private folder, and plugin sources, on a machine that has a Gazebo too old for us."""
+    """Provide a private folder and plugin sources, on a machine with too old a Gazebo."""
     program(tmp_path / "old/gzserver", "echo Gazebo multi-robot simulator, version 9.0.0")
     monkeypatch.setenv("PATH", f"{tmp_path}/old:{os.environ['PATH']}")
     plugin = tmp_path / "sources"
@@ -67,19 +67,19 @@ def unpacked_gazebo(folder):
 # Finding it
 
 
-def test_a_missing_gazebo_is_told_with_the_way_to_it(folder):
+def test_a_missing_gazebo_is_reported_with_the_remedy(folder):
     with pytest.raises(UprightError, match="missing; `upright gazebo install` brings it"):
         find_gazebo()
 
 
-def test_half_of_a_gazebo_is_none(folder):
+def test_an_incomplete_gazebo_counts_as_missing(folder):
     unpacked_gazebo(folder)
     (folder / "complete").unlink()
     with pytest.raises(UprightError, match="Gazebo 11 is missing"):
         find_gazebo()
 
 
-def test_a_gazebo_that_does_not_run_is_told(folder):
+def test_a_gazebo_that_does_not_run_is_reported(folder):
     program(unpacked_gazebo(folder), "exit 127")
     with pytest.raises(UprightError, match=r"does not run; .* --remove"):
         find_gazebo()
@@ -156,7 +156,7 @@ deb\thttp://two.example/debian   sid main
 """
 
 
-def test_mirrors_of_debian_are_told_from_other_sources():
+def test_mirrors_of_debian_are_distinguished_from_other_sources():
     assert mirrors_in_sources(STANZAS) == ["http://one.example/debian", "http://two.example/debian"]
     assert mirrors_in_list(LINES) == ["http://one.example/debian", "http://two.example/debian"]
 
@@ -185,7 +185,7 @@ def test_a_bad_mirror_is_refused(folder, mirror, capsys):
 # apt
 
 
-def test_what_apt_says_is_understood():
+def test_the_output_of_apt_is_parsed():
     steps = """\
 Reading package lists...
 Inst libc6 (2.31 Debian:11 [amd64])
@@ -240,7 +240,7 @@ def test_an_archive_that_debian_did_not_sign_is_refused(folder, tmp_path, releas
 
 @pytest.fixture
 def archive(folder, tmp_path, monkeypatch):
-    """Give three small packages, which apt is made to bring one after the other."""
+    """Provide three small packages, which apt seems to download one after the other."""
     packages = [deb(tmp_path, name) for name in ("one", "two", "three")]
     fetched = []
 
@@ -274,7 +274,7 @@ def deb(place, name):
 
 
 @needs_debian
-def test_an_interrupted_installation_goes_on(folder, archive, tmp_path, capsys):
+def test_an_interrupted_installation_can_be_resumed(folder, archive, tmp_path, capsys):
     with pytest.raises(KeyboardInterrupt):
         bring("http://mirror.example/debian")
     assert not (folder / "complete").exists()
@@ -287,7 +287,7 @@ def test_an_interrupted_installation_goes_on(folder, archive, tmp_path, capsys):
 
 
 @needs_debian
-def test_what_is_unpacked_is_not_unpacked_again(folder, archive, tmp_path, monkeypatch):
+def test_unpacked_packages_are_not_unpacked_again(folder, archive, tmp_path, monkeypatch):
     unpacked = []
     real = installer._run
 
@@ -318,14 +318,14 @@ def test_a_damaged_package_is_fetched_again(folder, archive, tmp_path):
 
 
 @needs_debian
-def test_a_full_disk_is_told_before_the_download(folder, archive, monkeypatch):
+def test_a_full_disk_is_reported_before_the_download(folder, archive, monkeypatch):
     monkeypatch.setattr(installer, "SPARE", 10**18)
     with pytest.raises(UprightError, match=r"free; Gazebo 11 needs 1000000000\.0 GB"):
         bring("http://mirror.example/debian")
     assert archive == []
 
 
-def test_another_processor_is_refused(folder, monkeypatch):
+def test_other_processors_are_refused(folder, monkeypatch):
     monkeypatch.setattr("platform.machine", lambda: "riscv64")
     with pytest.raises(UprightError, match="processor is 'riscv64'"):
         bring("http://mirror.example/debian")
@@ -366,7 +366,7 @@ def test_the_plugin_is_built_once(folder, tmp_path, monkeypatch, capsys):
     assert "cmake ended with status 1; it said: stepper.cc:1: error" in capsys.readouterr().err
 
 
-def test_missing_headers_are_told(folder, tmp_path):
+def test_missing_headers_are_reported(folder, tmp_path):
     server = tmp_path / "own/bin/gzserver"
     own = installation.Program(server.parents[1], None, "11.14.0")
     with pytest.raises(UprightError, match=r"headers .* apt-get install libgazebo-dev"):
@@ -376,7 +376,7 @@ def test_missing_headers_are_told(folder, tmp_path):
 # One at a time, and removing
 
 
-def test_two_installations_do_not_meet(folder):
+def test_two_installations_exclude_each_other(folder):
     folder.mkdir()
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -386,7 +386,7 @@ def test_two_installations_do_not_meet(folder):
             remove()
 
 
-def test_removing_takes_away_what_was_brought_and_nothing_else(folder, capsys):
+def test_uninstalling_removes_only_what_was_installed(folder, capsys):
     assert run(["gazebo", "install", "--remove"]) == 0
     unpacked_gazebo(folder)
     (folder / "prefix/large").write_bytes(bytes(3_000_000))
@@ -416,7 +416,7 @@ def test_the_doctor_on_an_empty_machine(folder, tmp_path, monkeypatch, capsys):
     assert not folder.exists()
 
 
-def test_the_doctor_is_content_once_all_that_is_needed_is_there(folder, monkeypatch, capsys):
+def test_the_doctor_is_satisfied_once_everything_is_there(folder, monkeypatch, capsys):
     unpacked_gazebo(folder)
     plugin = installation.find_program().plugin
     assert run(["gazebo", "doctor"]) == 1
@@ -429,12 +429,10 @@ def test_the_doctor_is_content_once_all_that_is_needed_is_there(folder, monkeypa
 # The real one
 
 
+@pytest.mark.gazebo
 def test_the_real_server_runs():
     find_gazebo.cache_clear()
-    try:
-        found = find_gazebo()
-    except UprightError as error:
-        pytest.skip(str(error))
+    found = find_gazebo()
     assert found.version.startswith("11.")
     assert found.client.is_file()
     done = subprocess.run(

@@ -30,7 +30,7 @@ def test_an_interrupt_is_held_until_it_is_let_through():
     assert until_interrupted(work) == ["held"]
 
 
-def test_the_end_lets_it_through():
+def test_a_held_interrupt_is_raised_at_the_end():
     def work(note):
         with hold_interrupts():
             interrupt()
@@ -40,7 +40,7 @@ def test_the_end_lets_it_through():
     assert until_interrupted(work) == ["held"]
 
 
-def test_one_let_through_comes_at_once():
+def test_an_interrupt_let_through_is_raised_at_once():
     def work(note):
         with hold_interrupts(), let_interrupts_through():
             interrupt()
@@ -49,7 +49,7 @@ def test_one_let_through_comes_at_once():
     assert until_interrupted(work) == []
 
 
-def test_one_that_is_lost_is_raised_all_the_same():
+def test_a_swallowed_interrupt_is_raised_at_the_end():
     def work(note):
         with hold_interrupts():
             with let_interrupts_through():
@@ -62,7 +62,7 @@ def test_one_that_is_lost_is_raised_all_the_same():
     assert until_interrupted(work) == ["lost"]
 
 
-def test_a_second_one_does_not_wait():
+def test_a_second_interrupt_is_raised_at_once():
     def work(note):
         with hold_interrupts():
             interrupt()
@@ -73,7 +73,7 @@ def test_a_second_one_does_not_wait():
     assert until_interrupted(work) == ["held"]
 
 
-def test_to_hold_within_a_hold_is_to_hold_till_the_outer_end():
+def test_nested_holds_last_until_the_outer_one_ends():
     def work(note):
         with hold_interrupts():
             with hold_interrupts():
@@ -85,7 +85,7 @@ def test_to_hold_within_a_hold_is_to_hold_till_the_outer_end():
     assert until_interrupted(work) == ["held"]
 
 
-def test_what_ends_a_learner_on_a_robot_is_held_too():
+def test_sigterm_with_the_same_handler_is_held_too():
     def work(note):
         with hold_interrupts():
             signal.raise_signal(signal.SIGTERM)
@@ -109,7 +109,7 @@ def test_an_error_is_not_hidden_by_an_interrupt():
 
 
 @pytest.mark.parametrize("handler", [signal.SIG_IGN, signal.SIG_DFL, lambda *_: None])
-def test_who_has_a_way_of_his_own_keeps_it(handler):
+def test_custom_sigint_handlers_are_kept(handler):
     before = signal.signal(signal.SIGINT, handler)
     try:
         with hold_interrupts(), let_interrupts_through():
@@ -118,7 +118,7 @@ def test_who_has_a_way_of_his_own_keeps_it(handler):
         signal.signal(signal.SIGINT, before)
 
 
-def test_other_threads_are_let_alone():
+def test_other_threads_are_left_alone():
     seen = []
 
     def work():

@@ -10,7 +10,7 @@ def matrix():
     return root @ root.T + 0.1 * np.eye(11)
 
 
-def test_the_factor_is_choleskys(matrix):
+def test_the_factor_is_that_of_cholesky(matrix):
     factor = np.zeros((11, 11))
     factorise(matrix, factor)
     assert factor == pytest.approx(np.linalg.cholesky(matrix), rel=1e-9, abs=1e-12)

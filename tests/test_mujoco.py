@@ -49,12 +49,12 @@ OTHER = Parameters(
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
-    """Let MuJoCo write its log of warnings where nobody keeps it."""
+    """Let MuJoCo write its log of warnings into a temporary folder."""
     monkeypatch.chdir(tmp_path)
 
 
 def error(plant, parameters, pushes):
-    """Return how far a plant goes astray in any part of the state [SI units]."""
+    """Return the largest error of a plant in any part of the state [SI units]."""
     forces = PUSHES[pushes]
     exact = trajectory(FinePlant(parameters), forces)
     return float(np.abs(trajectory(plant, forces) - exact).max())
@@ -71,7 +71,7 @@ def outcome(loop, agent, plant, task):
 
 @pytest.mark.parametrize("pushes", PUSHES)
 @pytest.mark.parametrize(("physics_step", "tolerance"), [(0.02, 1e-5), (0.002, 1.5e-9)])
-def test_without_friction_it_moves_as_the_equations(pushes, physics_step, tolerance):
+def test_without_friction_it_moves_like_the_equations(pushes, physics_step, tolerance):
     assert error(Mujoco(physics_step).plant(SMOOTH), SMOOTH, pushes) < tolerance
 
 
@@ -79,8 +79,8 @@ def test_without_friction_it_moves_as_the_equations(pushes, physics_step, tolera
 @pytest.mark.parametrize(
     ("parameters", "tolerance"), [(Parameters(), 2e-4), (ROUGH, 1.5e-2)], ids=["usual", "rough"]
 )
-def test_with_friction_it_moves_as_the_equations(pushes, parameters, tolerance):
-    """MuJoCo rounds the corner of dry friction at rest off, which the bang-bang pushes pass."""
+def test_with_friction_it_moves_like_the_equations(pushes, parameters, tolerance):
+    """MuJoCo smooths dry friction around rest, which the bang-bang pushes pass through."""
     tolerance = tolerance if pushes == "bang-bang" else 5e-6
     assert error(Mujoco().plant(parameters), parameters, pushes) < tolerance
     assert error(Mujoco().plant(SMOOTH), parameters, pushes) > 2 * tolerance
@@ -92,7 +92,7 @@ def test_other_parameters_work(pushes):
 
 
 @pytest.mark.parametrize("name", OTHER._fields[:6])
-def test_every_parameter_of_the_physics_counts(name):
+def test_every_physical_parameter_has_an_effect(name):
     changed = Parameters()._replace(**{name: 1.1 * getattr(Parameters(), name)})
     forces = PUSHES["constant"]
     usual, other = (trajectory(Mujoco().plant(p), forces) for p in (Parameters(), changed))
@@ -117,7 +117,7 @@ def test_energy_is_kept_without_friction():
 
 
 def test_the_angle_counts_turns():
-    """As in the equations, an angle is not brought back into a circle."""
+    """As in the equations, angles are not wrapped."""
     plant = Mujoco().plant()
     assert plant.reset(State(0.0, 0.0, 7.0, 9.0)) == State(0.0, 0.0, 7.0, 9.0)
     assert plant.step(0.0).theta > 7.0
@@ -125,7 +125,7 @@ def test_the_angle_counts_turns():
 
 
 @pytest.mark.parametrize("x", [2.39, 2.41, 4.5])
-def test_no_stop_is_felt_where_a_trial_ends(x):
+def test_there_is_no_stop_where_a_trial_ends(x):
     start = State(x, 3.0, 0.1, 0.2)
     plant, exact = Mujoco().plant(), equations(Parameters(integrator=Integrator.RK4))
     assert plant.reset(start) == exact.reset(start)
@@ -162,7 +162,7 @@ def test_physics_steps_make_up_the_time_step(physics_step, substeps):
         ({"integrator": "RK4"}, "integrator is 'RK4'; it must be one of euler, implicit, "),
     ],
 )
-def test_wrong_settings_are_refused(settings, message):
+def test_invalid_settings_are_refused(settings, message):
     with pytest.raises(UprightError, match=message):
         Mujoco(**settings)
 
@@ -184,7 +184,7 @@ def test_impossible_parameters_are_refused():
         Mujoco().plant(Parameters(cart_mass=0.0))
 
 
-def test_without_mujoco_it_says_how_to_install_it(monkeypatch):
+def test_a_missing_mujoco_is_reported_with_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(UprightError, match=r"needs MuJoCo: pip install 'upright\[mujoco\]'"):
         Mujoco().plant()
@@ -199,7 +199,7 @@ def spoil(plant):
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_nothing_remains_after_a_reset(integrator):
+def test_a_reset_leaves_no_trace_of_the_trial_before(integrator):
     plant = Mujoco(0.01, integrator).plant(ROUGH)
     first = trajectory(plant, PUSHES["bang-bang"])
     spoil(plant)
@@ -209,7 +209,7 @@ def test_nothing_remains_after_a_reset(integrator):
     assert new.tobytes() == first.tobytes()
 
 
-def test_a_reset_of_integers_is_one_of_numbers():
+def test_a_state_may_be_made_of_integers():
     plant = Mujoco().plant()
     plant.reset(State(0, 0, 0, 0))
     assert plant.step(0) == State(0.0, 0.0, 0.0, 0.0)
@@ -217,7 +217,7 @@ def test_a_reset_of_integers_is_one_of_numbers():
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("force", [math.nan, math.inf, -math.inf, 1e300, 1e12, -1e6])
-def test_a_force_beyond_reason_never_looks_healthy(force, integrator):
+def test_an_absurd_force_always_counts_as_a_fall(force, integrator):
     plant = Mujoco(0.02, integrator).plant()
     plant.reset(LEANING)
     assert plant.has_fallen(plant.step(force))
@@ -225,7 +225,7 @@ def test_a_force_beyond_reason_never_looks_healthy(force, integrator):
         assert plant.has_fallen(plant.step(0.0)), "MuJoCo did not reset itself"
 
 
-def test_a_state_that_is_no_number_stays_fallen():
+def test_a_state_of_nan_stays_fallen():
     plant = Mujoco().plant()
     assert plant.has_fallen(plant.reset(State(math.nan, 0.0, 0.0, 0.0)))
     assert plant.has_fallen(plant.step(0.0))
@@ -272,7 +272,7 @@ def test_what_mujoco_allocated_lives_as_long_as_any_array_of_the_plant():
 
 
 @pytest.mark.parametrize("leave", [pickle.dumps, copy.deepcopy])
-def test_a_plant_does_not_leave_its_process(leave):
+def test_a_plant_cannot_be_pickled_or_copied(leave):
     with pytest.raises(TypeError, match="cannot be pickled or copied"):
         leave(Mujoco().plant())
 
@@ -304,7 +304,7 @@ def test_an_agent_in_plain_python_balances_it():
     assert lengths == [2000, 0, 0, 0, 0]
 
 
-def test_what_was_learned_on_the_equations_balances_it():
+def test_a_policy_learned_on_the_equations_balances_it():
     memory, result = make_run(make_case("reinforce"), 0, 0)
     assert result.success
     task = make_task(steps=60_000, trials=1)
@@ -317,8 +317,9 @@ def test_a_policy_is_learned_on_it():
     assert 5000 in lengths
 
 
+@pytest.mark.slow
 def test_machine_code_is_found_by_the_next_process(tmp_path):
-    """And calls MuJoCo where the next process has it."""
+    """And it calls MuJoCo at its address in that process."""
     code = """
 import numpy as np
 from upright.agents import AGENTS

@@ -112,7 +112,7 @@ def scaled(agent, state):
 # ------------------------------------------------------------------------------ networks
 
 
-def test_units_put_out_what_the_paper_says():
+def test_unit_outputs_are_those_of_the_paper():
     for y in np.concatenate([np.linspace(-36, 36, 99), [1e-9, 0.3, -0.3]]).tolist():
         assert squash(y) == pytest.approx(math.tanh(y / 2), rel=2e-15)
     assert squash(1e9) == -squash(-1e9) == 1
@@ -133,7 +133,7 @@ def test_the_push_is_the_sign_of_the_action_network(label):
     assert pushes == {True, False}
 
 
-def test_to_ask_for_the_policy_disturbs_nothing():
+def test_evaluating_the_policy_changes_nothing():
     agent, rng = make(), np.random.default_rng(4)
     agent.begin_trial(rng)
     agent.learn(HERE, agent.act(HERE, rng), THERE, False)
@@ -147,7 +147,7 @@ def test_to_ask_for_the_policy_disturbs_nothing():
 
 @pytest.mark.parametrize("fallen", [False, True])
 @pytest.mark.parametrize("part", ["critic", "action"])
-def test_one_cycle_goes_down_the_gradient_of_the_error(part, fallen):
+def test_one_cycle_descends_the_gradient_of_the_error(part, fallen):
     """Against finite differences: the critic's weights, and the action's through the critic."""
     cycles = {"critic_cycles": int(part == "critic"), "action_cycles": int(part == "action")}
     agent = make(critic_threshold=0.0, action_threshold=0.0, weight_limit=0.0, **cycles)
@@ -327,7 +327,7 @@ def test_impossible_settings_are_refused_by_name(change, message):
     assert str(error.value).startswith(message)
 
 
-def test_published_settings_are_the_paper_s():
+def test_published_settings_are_those_of_the_paper():
     s = SETTINGS["as-published"]
     assert (s.hidden, s.discount) == (6, 0.95)
     assert (s.learning_rate, s.rate_decrement, s.rate_interval, s.rate_floor) == (

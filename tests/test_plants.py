@@ -15,8 +15,13 @@ from upright.studies.study import stored as stored_cases
 from upright.studies.study import study
 from upright.support.exit_status import BAD_USE
 
-HERE = ["equations", "mujoco", pytest.param("gazebo", marks=pytest.mark.gazebo)]
-"""Plants that can be made here (of ROS 2's see test_ros2.py)."""
+ELSEWHERE = {"ros2", "gz-sim"}
+"""Plants that need a running cart or modern Gazebo: they have tests of their own."""
+HERE = [
+    pytest.param(name, marks=pytest.mark.gazebo if name == "gazebo" else ())
+    for name in PLANTS
+    if name not in ELSEWHERE
+]
 STATE = State(0.1, -0.2, 0.03, 0.4)
 GO_ON = np.zeros(1, np.bool_)
 
@@ -87,18 +92,19 @@ class Uncompiled:
         ("--plant mujoco --integrator rk4", "integrator of other plants is 'rk4'"),
     ],
 )
-def test_wrong_plants_are_refused(line, message, capsys):
+def test_invalid_plants_are_refused(line, message, capsys):
     assert run(["learn", "random-search", *line.split()]) == BAD_USE
     assert message in capsys.readouterr().err
 
 
-def test_plants_tell_their_settings(capsys):
+def test_the_plants_command_explains_settings(capsys):
     assert run(["plants"]) == 0
     assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [*PLANTS]
     assert run(["plants", "mujoco"]) == 0
     assert "physics_step: MuJoCo's time step [s]" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_policy_learned_on_the_equations_plays_in_mujoco(tmp_path, capsys):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "adaptive-lqr", "--integrator", "rk4", "--quiet", "--save", path]) == 0

@@ -25,7 +25,7 @@ from upright.studies.run import make_run
 from upright.studies.watching import watch_play
 
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
-"""A task on which trials have all kinds of lengths."""
+"""A task on which trials vary much in length."""
 GO_ON = np.zeros(1, np.bool_)
 
 
@@ -54,7 +54,7 @@ def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned
     assert len({played.steps for played in compiled}) > 1
 
 
-def test_a_policy_from_outside_plays_in_python():
+def test_a_policy_of_a_custom_agent_plays_in_python():
     class Memory(LinearAgent):
         def push_probability(self, observation):
             return float(super().act(observation, None))
@@ -107,7 +107,7 @@ def test_every_trial_has_its_own_plant_where_plants_vary(learned):
     assert len({task.parameters for _, task, _ in prepared}) == 3
 
 
-def test_a_policy_plays_what_it_learned_on_but_for_the_changes():
+def test_a_policy_plays_its_own_task_except_for_changes():
     case = make_case("random-search", noise="sensor-5", start="zero", condition="delay-1")
     policy = learned_policy(case, 0, 0, case.settings.agent(None))
     assert case_for(policy) == case
@@ -177,7 +177,7 @@ def guess():
     return learned_policy(case, 0, 0, case.settings.agent(None)), case
 
 
-def test_watching_prints_every_trial_and_how_they_went(learned, capsys):
+def test_watching_prints_every_trial_and_a_summary(learned, capsys):
     policy, case = guess()
     played = watch_play(policy, case, 3, 0)
     lines = capsys.readouterr().out.splitlines()

@@ -41,7 +41,7 @@ def learned(request):
 def content(tmp_path_factory):
     """The file of a small policy, that of random search."""
     path = tmp_path_factory.mktemp("policy") / "policy.npz"
-    case, policy = learn("random-search")
+    _, policy = learn("random-search")
     save_policy(path, policy)
     return path.read_bytes()
 
@@ -94,7 +94,7 @@ def test_the_file_holds_its_contract(learned, tmp_path, capsys):
     assert describe(policy.contract()) in capsys.readouterr().out
 
 
-def test_the_contract_tells_the_normalisation_by_the_settings():
+def test_the_contract_states_the_normalisation_of_the_settings():
     told = {}
     for agent in ("reinforce", "q-learning", "random-search"):
         case = make_case(agent)
@@ -109,7 +109,7 @@ def test_the_contract_tells_the_normalisation_by_the_settings():
     assert told["random-search"] == "none"
 
 
-def test_a_policy_tells_where_it_learned_if_not_in_the_equations(tmp_path):
+def test_a_policy_names_its_plant_unless_it_is_the_equations(tmp_path):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "random-search", "--plant", "mujoco", "--quiet", "--save", path]) == 0
     assert load_policy(path).task == LEARNED_ON | {"steps": 60_000, "plant": "mujoco"}
@@ -118,7 +118,7 @@ def test_a_policy_tells_where_it_learned_if_not_in_the_equations(tmp_path):
     assert run(["play", path, "--steps", "100", "--episodes", "1"]) == 0
 
 
-def test_show_of_a_policy_is_text_that_no_terminal_obeys(path, capsys):
+def test_show_escapes_what_a_terminal_would_obey(path, capsys):
     change_header(lambda header: header.update({"x\x1b[2J": "\x1b]0;title\x07"}))(path)
     assert run(["show", str(path)]) == 0
     assert capsys.readouterr().out.replace("\n", "").isprintable()
@@ -176,7 +176,7 @@ def change_settings(**values):
 
 
 def of_agent(agent, **changes):
-    """Return damage that makes the file another agent's, with bad settings."""
+    """Return damage that makes the file that of another agent, with bad settings."""
 
     def change(header):
         header["agent"] = agent
@@ -190,7 +190,7 @@ def replace_header(text):
 
 
 def member(array, rest=b"", shape=None):
-    """Return a NumPy file, which may claim another shape and go on behind its end."""
+    """Return a NumPy file, which may claim another shape and have trailing bytes."""
     written = io.BytesIO()
     described = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
     np.lib.format.write_array_header_1_0(written, described)
@@ -345,7 +345,7 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize(("damage", "said"), BAD_FILES.values(), ids=BAD_FILES)
-def test_a_bad_file_is_refused_at_no_cost(damage, said, path):
+def test_a_bad_file_is_refused_without_using_much_memory(damage, said, path):
     damage(path)
     tracemalloc.start()
     with pytest.raises(UprightError, match=rf"policy\.npz.*{said}") as error:
@@ -356,6 +356,7 @@ def test_a_bad_file_is_refused_at_no_cost(damage, said, path):
     assert peak < 20_000_000
 
 
+@pytest.mark.slow
 def test_whatever_byte_is_damaged_the_policy_is_the_same_or_refused(content, path):
     expected = load_policy(path).memory.weights.tolist()
     refused = 0
@@ -460,7 +461,7 @@ def test_objects_are_refused_even_of_an_agent_that_has_them(trap):
     assert run(["learn", "foreign:agent", "--save", "mine.npz"]) == BAD_USE
 
 
-def test_an_agent_may_be_named_that_needs_no_naming(path):
+def test_a_built_in_agent_may_be_named_too(path):
     assert load_policy(path, agent="random-search").task == LEARNED_ON
     with pytest.raises(UprightError, match="learned by 'random-search', not by 'reinforce'"):
         load_policy(path, agent="reinforce")

@@ -109,7 +109,7 @@ def test_a_trial_that_the_environment_truncates_counts_and_failed():
     assert env.succeeded, "truncation at N is a success"
 
 
-def test_a_run_that_is_over_makes_no_step():
+def test_no_step_is_made_after_the_end_of_a_run():
     env = TrialProtocol(ScriptedEnv(0), steps=1)
     env.reset()
     env.step(0)
@@ -221,7 +221,7 @@ class Driver:
 
 
 @pytest.mark.parametrize("noise", ["none", "actuator-10", "gaussian-0.2", "all-10"])
-@pytest.mark.parametrize("name", ["random-search", "reinforce", "q-learning", "adaptive-lqr"])
+@pytest.mark.parametrize("name", AGENTS)
 def test_an_agent_has_the_same_trials_through_gymnasium_as_in_the_loop(name, noise):
     """The same random numbers, drawn in the same order, give the same trials."""
     task = make_task(noise=noise, steps=300, trials=8)._replace(start=HARD_START)
@@ -240,7 +240,7 @@ def test_an_agent_has_the_same_trials_through_gymnasium_as_in_the_loop(name, noi
     assert counted.succeeded == (success > 0)
 
 
-def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
+def test_a_run_of_a_learner_is_reported_like_one_of_the_loop():
     """Its environment has the task's noise and plant, and draws the run's own numbers."""
 
     class Looker:
@@ -259,7 +259,7 @@ def test_a_run_of_a_learner_is_told_as_a_run_of_the_loop_is():
     assert learner.env.unwrapped.np_random is rng
 
 
-def test_only_who_needs_gymnasium_imports_it():
+def test_gymnasium_is_imported_only_where_it_is_needed():
     ended = python(
         "import sys, upright.commands.cli, upright.studies.study, upright.agents.custom\n"
         "print({'upright.environments.cartpole_env', 'gymnasium'} & set(sys.modules))"

@@ -48,14 +48,14 @@ def test_runs_and_steps_are_those_of_the_protocol(table, runs, steps):
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: f"{source.name}-{source.agent}")
-def test_sources_are_whole(source):
+def test_sources_are_complete(source):
     expected = {"none"} if source is TABLES[REPORT_2] else set(PUBLISHED_NOISES)
     assert set(source.mean_trials) == expected
     assert source.agent is None or source.agent in AGENTS
     assert source.citation
 
 
-def test_figures_stand_beside_the_agent_of_the_same_rule():
+def test_figures_appear_beside_the_agent_of_the_same_rule():
     everywhere = {"Si & Wang 2001": 6, "He 2012": 13.7, "gym-cartpolemod": 119.68}
     assert figures("reinforce", "none") == {"Report": 35.65} | everywhere
     assert figures("q-learning", "none") == {"Report": 42} | everywhere

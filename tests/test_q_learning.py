@@ -1,9 +1,10 @@
 import itertools
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from upright.agents.parts.boxes import find_box
@@ -70,8 +71,8 @@ def test_an_edge_belongs_to_the_lower_box(label, name):
 @given(st.builds(State, *(st.floats(-3, 3) for _ in EDGES)))
 def test_the_mirror_image_of_a_box_is_counted_from_the_end(label, state):
     agent = AGENTS[label]
-    if any(o in edges for edges, o in zip(agent.boxes.edges, state, strict=True)):
-        return  # on an edge, which belongs to the lower box
+    # An edge belongs to the lower box.
+    assume(not any(o in edges for edges, o in zip(agent.boxes.edges, state, strict=True)))
     mirrored = State(*(-value for value in state))
     assert find_box(agent.boxes, mirrored) == BOXES[label] - 1 - find_box(agent.boxes, state)
     assert find_box(agent.boxes, state) == box_in_numpy(agent, state)
@@ -98,7 +99,7 @@ def test_a_plain_table_has_a_value_for_each_box_and_push():
 
 
 @pytest.mark.parametrize("label", SETTINGS)
-def test_it_pushes_as_the_better_value_says(label):
+def test_it_pushes_towards_the_better_value(label):
     agent, rng = blank(SETTINGS[label]), np.random.default_rng(2)
     agent.table[:] = rng.normal(size=len(agent.table))
     pushes = set()
@@ -120,7 +121,7 @@ HERE, THERE = State(0.1, 0.2, 0.05, 0.3), State(0.1, 0.2, -0.05, 0.3)
 
 @pytest.mark.parametrize("action", [False, True])
 @pytest.mark.parametrize("fallen", [False, True])
-def test_an_update_at_every_step_is_the_report_s_equation(action, fallen):
+def test_an_update_at_every_step_is_the_equation_of_the_report(action, fallen):
     agent = blank(SETTINGS["as-published"])
     agent.table[:] = np.random.default_rng(3).normal(size=len(agent.table))
     q = agent.table.reshape(-1, 2).copy()
@@ -230,13 +231,13 @@ def test_impossible_settings_are_refused_by_name(change, message):
     assert str(error.value).startswith(message)
 
 
-@pytest.mark.parametrize("name", ["replay_passes", "replay_size"])
+@pytest.mark.parametrize("name", [each.name for each in fields(QLearning) if each.type is int])
 def test_a_whole_number_written_as_a_float_is_refused(name):
     with pytest.raises(UprightError, match=f"^{name} is 2.0; it must be a whole number"):
         QLearning(**{name: 2.0})
 
 
-def test_published_settings_are_the_report_s():
+def test_published_settings_are_those_of_the_report():
     published = SETTINGS["as-published"]
     assert (published.learning_rate, published.discount, published.replay_passes) == (0.3, 0.9, 0)
     assert not published.mirrored
@@ -262,7 +263,7 @@ def test_published_settings_run():
     assert agent.table.min() >= -1
 
 
-def test_a_measurement_without_edges_is_not_looked_at():
+def test_measurements_without_edges_are_ignored():
     settings = QLearning(x_edges=(), x_dot_edges=())
     agent = blank(settings)
     boxes = {find_box(agent.boxes, State(x, x, 0.0, 0.0)) for x in (-9.0, 0.0, 9.0)}

@@ -1,3 +1,5 @@
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def test_it_pushes_to_the_side_of_the_weighted_sum():
         assert agent.act(SEEN, rng) == (np.dot(agent.weights, SEEN) > 0)
 
 
-@pytest.mark.parametrize("name", ["x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale"])
+@pytest.mark.parametrize("name", [each.name for each in fields(RandomSearch)])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), "1"])
 def test_impossible_settings_are_refused_by_name(name, value):
     with pytest.raises(UprightError, match=f"^{name} is .*; it must be a number, above 0$"):

@@ -1,4 +1,5 @@
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -337,13 +338,13 @@ def test_impossible_settings_are_refused_by_name(change, message):
     assert str(error.value).startswith(message)
 
 
-@pytest.mark.parametrize("name", ["episodes", "kept_steps", "epochs"])
+@pytest.mark.parametrize("name", [each.name for each in fields(Reinforce) if each.type is int])
 def test_a_whole_number_written_as_a_float_is_refused(name):
     with pytest.raises(UprightError, match=f"^{name} is 2.0; it must be a whole number"):
         Reinforce(**{name: 2.0})
 
 
-def test_published_settings_are_the_report_s():
+def test_published_settings_are_those_of_the_report():
     published = SETTINGS["as-published"]
     assert (published.learning_rate, published.discount) == (0.1, 0.97)
     assert SETTINGS["default"] == Reinforce()

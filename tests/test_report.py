@@ -74,7 +74,7 @@ def test_a_case_without_success_has_no_mean(rows):
     assert study_table(rows).body[1][4] == "–"
 
 
-def test_published_figures_stand_beside_their_case(rows):
+def test_published_figures_appear_beside_their_case(rows):
     assert rows[0].published["Report"] == 42
     assert rows[0].published["Si & Wang 2001"] == 6
     assert "Report" not in rows[1].published

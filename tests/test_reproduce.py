@@ -40,6 +40,7 @@ def test_all_cases_are_there_with_random_guessing(folder):
     assert {row["runs"] for row in rows} == {2}
 
 
+@pytest.mark.slow
 def test_runs_made_before_are_kept(folder):
     case = make_case("reinforce", steps=500)
     store = Store(folder / "runs.sqlite")

@@ -77,7 +77,7 @@ def test_a_known_form_is_read_without_rclpy(monkeypatch):
     assert ros2_messages.read_numbers(serialise(numbers_message([-2.5]))) == [-2.5]
 
 
-def test_other_joints_are_none_of_ours():
+def test_other_joints_are_ignored():
     from upright.plants.ros2.messages import Joints
 
     assert Joints().read(serialise(joint_state(["wheel"], [[1.0], [2.0]]))) is None

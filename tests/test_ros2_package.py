@@ -30,7 +30,7 @@ PACKAGE = ROOT / "ros2"
 CONFIG = "config/cartpole.yaml"
 NODES = {"simulator": SimulatorSettings(), "learner": LearnerSettings()}
 LIMIT = 60
-"""No process takes longer [s]."""
+"""Time limit of every process [s]."""
 needs_ros2 = pytest.mark.skipif(
     not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
     reason="ROS 2 (rclpy) is not installed: no node is tested",
@@ -97,7 +97,7 @@ def keys(tree, name):
 # ------------------------------------------------------------------------------ package.xml
 
 
-def test_it_is_the_package_of_this_project(about):
+def test_package_xml_agrees_with_the_project(about):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert about.findtext("name") == "upright_ros"
     assert about.findtext("version") == project["version"]
@@ -135,7 +135,7 @@ def test_every_file_is_where_ros_looks_for_it(installed):
 
 @pytest.mark.parametrize("node", NODES)
 def test_programs_run_on_the_python_that_is_active(node, installed):
-    """Colcon's own Python may not have upright."""
+    """The Python that runs colcon may lack upright."""
     lines = (installed.prefix / "lib/upright_ros" / node).read_text().splitlines()
     assert lines[0] == "#!/usr/bin/env python3"
 
@@ -223,6 +223,7 @@ def test_a_node_has_the_parameters_of_the_file(start, arguments, plant):
     assert simulator.wait(LIMIT) == 0
 
 
+@pytest.mark.slow
 @needs_ros2
 @pytest.mark.parametrize(
     ("node", "old", "new", "refusal"),
@@ -232,7 +233,7 @@ def test_a_node_has_the_parameters_of_the_file(start, arguments, plant):
         ("learner", "watchdog: 0.5", "watchdog: -1.0", "watchdog is -1.0"),
     ],
 )
-def test_a_wrong_parameter_is_refused(start, node, old, new, refusal):
+def test_an_invalid_parameter_is_refused(start, node, old, new, refusal):
     process = start(node, old, new)
     _, told = process.communicate(timeout=LIMIT)
     assert process.returncode == BAD_USE

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.mark.parametrize("noise", ["none", "gaussian-0.2"])
 @pytest.mark.parametrize("name", ["upright/CartPole-v0", "upright/ContinuousCartPole-v0"])
-def test_its_checker_finds_nothing_wrong(name, noise):
+def test_the_stable_baselines_checker_passes(name, noise):
     with warnings.catch_warnings():
         # Forces are newtons: the checker would like them within ±1.
         warnings.filterwarnings("ignore", message="We recommend you to use a symmetric and norm")
@@ -26,8 +26,8 @@ def test_its_checker_finds_nothing_wrong(name, noise):
 
 
 @pytest.mark.parametrize("learner", ["PPO", "DQN"])
-def test_the_example_s_learners_run_by_the_protocol(learner, monkeypatch):
-    """And a run depends on its seed and number alone."""
+def test_the_learners_of_the_example_run_by_the_protocol(learner, monkeypatch):
+    """A run depends on its seed and number alone."""
     monkeypatch.setattr(sys, "path", [str(ROOT), *sys.path])
     case = make_case(f"examples.train_sb3:{learner}", noise="gaussian-0.2", steps=100, trials=200)
     first, again, other = (make_run(case, 0, run)[1] for run in (0, 0, 1))

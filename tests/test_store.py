@@ -143,7 +143,7 @@ def test_a_file_that_is_no_store_is_refused_and_left_alone(make, tmp_path):
 
 
 def damaged_rows(path):
-    """Make a store whose first pages are whole, and whose rows are not."""
+    """Make a store whose first pages are intact and whose rows are damaged."""
     store = Store(path)
     for run in range(50):
         store.add(KEY, 1, result(run, *range(500)))
@@ -154,7 +154,7 @@ def damaged_rows(path):
 
 
 @pytest.mark.parametrize("make", [truncated_store, damaged_rows])
-def test_damage_is_told_when_it_is_met(make, tmp_path):
+def test_damage_is_reported_when_it_is_found(make, tmp_path):
     path = tmp_path / "damaged.db"
     make(path)
     store = None
@@ -196,7 +196,7 @@ def test_an_empty_file_becomes_a_store(tmp_path):
     assert integrity(path) == "ok"
 
 
-def test_a_full_disk_is_told_and_loses_nothing(tmp_path):
+def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
     path = tmp_path / "results.db"
     store = Store(path)
     store.add(KEY, 1, result(0, 1))
@@ -220,6 +220,7 @@ def write_rows(path, first, last, barrier):
     store.close()
 
 
+@pytest.mark.slow
 def test_several_processes_write_to_one_store(tmp_path):
     """They open a new file at the same moment, and some of their runs are the same."""
     path, context = tmp_path / "results.db", multiprocessing.get_context("spawn")
@@ -251,6 +252,7 @@ def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
     release.start()
     try:
         Store(path).close()
+        assert not other.in_transaction, "it did not wait"
     finally:
         release.join()
         other.close()

@@ -243,7 +243,7 @@ def test_a_run_is_made_with_its_own_plant_and_the_stream_it_always_had():
 
 
 def test_the_stream_of_plants_is_not_that_of_a_run():
-    """Not of this run, nor of another: an agent must not know its plant from its numbers."""
+    """Of this run or any other: an agent must not learn its plant from its numbers."""
     case = make_case("random-search", condition="varied-plant")
     for number in range(3):
         plant = make_run_task(case, 7, number).parameters

@@ -61,7 +61,7 @@ def test_the_compiled_loop_is_the_python_loop(name, settings, noise):
 
 
 def recount(weights, task, seed):
-    """Return trial lengths of a linear policy without noise, by a loop of its own."""
+    """Return trial lengths of a linear policy without noise, by an independent loop."""
     rng = np.random.default_rng(seed)
     lengths = []
     while len(lengths) < task.trials and task.steps not in lengths:
@@ -84,7 +84,7 @@ def test_an_agent_in_plain_python_balances_the_equations(weights, balances):
     assert lengths == [2000] if balances else len(lengths) == 5
 
 
-def test_the_agent_is_told_every_step():
+def test_the_agent_learns_from_every_step():
     task = make_task(steps=500, trials=3)
     agent, plant = LinearAgent(*POOR_WEIGHTS), RecordingPlant()
     lengths = go(run, agent, plant, task)

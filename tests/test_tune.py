@@ -60,7 +60,7 @@ def tried(path):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Return what a search found that was not interrupted, and its store."""
+    """Return the result of an uninterrupted search, and its store."""
     path = tmp_path_factory.mktemp("tune") / "whole"
     return search(wanted(), 14, path), path
 
@@ -97,7 +97,7 @@ def test_a_range_ends_where_the_settings_refuse():
     assert space(Reinforce(weight_decay=0.0))["weight_decay"][2:4] == (0, pytest.approx(0.999999))
 
 
-def test_what_tells_no_range_is_left_alone():
+def test_settings_without_a_range_are_left_alone():
     assert not [name for name in space(QLearning()) if name.endswith("edges")]
     assert "jitter" not in space(QLearning(jitter=0.0))
     assert "replay_passes" not in space(QLearning(replay_passes=0))
@@ -156,6 +156,7 @@ def test_what_cannot_be_searched_is_refused(text, message):
 # ------------------------------------------------------------------------------ what is measured
 
 
+@pytest.mark.slow
 def test_a_candidate_is_worth_its_mean_trials_with_failures_at_their_limit(tmp_path):
     look = wanted(runs=5, trials=2)
     found = search(look, 1, tmp_path / "tune")
@@ -239,8 +240,9 @@ def test_another_seed_gives_another_search(whole, tmp_path):
     assert rows[1][1] != tried(whole[1])[1][1]
 
 
-def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
-    """The same candidates, drawn at random or from those before, and the same end."""
+@pytest.mark.slow
+def test_an_interrupted_search_resumes_with_the_same_result(whole, tmp_path):
+    """With the same candidates, whether drawn at random or from earlier ones."""
     heard = []
 
     def interrupt(standing):
@@ -260,24 +262,26 @@ def test_an_interrupted_search_goes_on_as_if_it_had_not_been(whole, tmp_path):
     assert tried(tmp_path / "tune") == tried(whole[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("statement", [40, 75, 90, 105, 120, 135, 150])
-def test_an_interrupt_amid_the_store_locks_nobody_out(whole, tmp_path, statement):
+def test_an_interrupt_while_writing_leaves_the_store_unlocked(whole, tmp_path, statement):
     from sqlalchemy import Engine, event
 
-    numbers = count()
+    numbers, interrupted = count(), []
 
     def interrupt(*_):
         if next(numbers) == statement:
+            interrupted.append(time.monotonic())
             signal.raise_signal(signal.SIGINT)
 
     event.listen(Engine, "after_cursor_execute", interrupt)
-    began = time.monotonic()
     try:
         with pytest.raises(KeyboardInterrupt):
             search(wanted(), 14, tmp_path / "tune")
     finally:
         event.remove(Engine, "after_cursor_execute", interrupt)
-    assert time.monotonic() - began < 30  # one who is locked out waits for longer
+    (began,) = interrupted
+    assert time.monotonic() - began < 50  # a connection that is locked out waits for 60 s
     assert search(wanted(), 14, tmp_path / "tune") == whole[0]
 
 
@@ -286,6 +290,7 @@ def test_a_finished_search_makes_no_run(whole, monkeypatch):
     assert search(wanted(), 14, whole[1]) == whole[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -323,8 +328,9 @@ def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
 # ------------------------------------------------------------------------------ saying it
 
 
-@pytest.mark.parametrize("label", ["default", "as-published"])
-@pytest.mark.parametrize("agent", ["q-learning", "ase-ace", "reinforce"])
+@pytest.mark.parametrize(
+    ("agent", "label"), [(agent, label) for agent in AGENTS for label in AGENTS.settings(agent)]
+)
 def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
     start = AGENTS.settings(agent)[label]
     rng = np.random.default_rng(5)
@@ -357,7 +363,8 @@ def test_tuples_are_quoted_for_the_shell():
 LINE = "tune random-search --steps 300 --noises none --runs 4 --candidates 8 --validation-runs 9"
 
 
-def test_tune_prints_what_was_found_and_goes_on(tmp_path, monkeypatch, capsys):
+@pytest.mark.slow
+def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for candidates in (8, 10):
         line = [*LINE.split(), "--candidates", str(candidates), "--set", "x_scale=2.0"]
@@ -388,7 +395,9 @@ def test_tune_prints_what_was_found_and_goes_on(tmp_path, monkeypatch, capsys):
         ("--store missing/tune", "folder"),
     ],
 )
-def test_bad_use_is_one_clear_line_and_changes_nothing(more, said, tmp_path, monkeypatch, capsys):
+def test_bad_usage_prints_one_clear_line_and_changes_nothing(
+    more, said, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     assert run([*LINE.split(), *more.split()]) == BAD_USE
     error = capsys.readouterr().err
@@ -397,7 +406,7 @@ def test_bad_use_is_one_clear_line_and_changes_nothing(more, said, tmp_path, mon
     assert not list(tmp_path.iterdir())
 
 
-def test_help_teaches_by_example_and_loads_no_optuna(capsys):
+def test_help_has_examples_and_does_not_import_optuna(capsys):
     with pytest.raises(SystemExit):
         run(["tune", "--help"])
     shown = capsys.readouterr().out
@@ -416,15 +425,16 @@ def test_without_optuna_one_line_says_how_to_get_it():
 
 
 def candidates_kept(path) -> Iterator[int]:
-    until = time.monotonic() + 60
+    until = time.monotonic() + 120
     while time.monotonic() < until:
         try:
             yield len(tried(path))
-        except sqlite3.OperationalError:  # the tables are still to be made
+        except sqlite3.OperationalError:  # the tables do not exist yet
             yield 0
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_an_interrupt_says_how_to_go_on(tmp_path):
     program = "from upright.commands.cli import main; main()"
     command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]

@@ -59,7 +59,7 @@ def test_the_asset_lies_within_the_package():
     assert PACKAGE in urdf.ASSET.parents
 
 
-def test_it_is_plain_for_every_reader():
+def test_the_text_is_ascii_without_a_declared_encoding():
     """Tools of ROS pass it on as a string, which may not name an encoding, in any locale."""
     assert urdf.text().isascii()
     assert urdf.ASSET.read_bytes().isascii()
@@ -98,7 +98,7 @@ def test_the_inertia_along_the_pole_is_that_of_its_picture(parameters):
     assert 0 < along == pytest.approx(parameters.pole_mass * radius**2 / 2, rel=1e-15)
 
 
-def test_what_others_rely_on():
+def test_names_that_others_rely_on():
     body = robot(None)
     joints = {
         joint.get("name"): (joint.get("type"), joint.find("parent").get("link"))
@@ -219,7 +219,7 @@ def test_dart_reads_the_same_numbers(parameters, in_dart):
 
 
 @pytest.mark.parametrize("pushes", PUSHES)
-def test_dart_moves_it_as_the_equations_say(pushes, in_dart):
+def test_dart_moves_it_like_the_equations(pushes, in_dart):
     """To 6e-4 m, m/s, rad and rad/s with steps of 0.1 ms, of order 1: of 1 ms, ten times as far."""
     forces = PUSHES[pushes]
     exact = trajectory(FinePlant(Parameters()), forces)
@@ -232,7 +232,7 @@ def test_dart_moves_it_as_the_equations_say(pushes, in_dart):
 
 
 @pytest.mark.parametrize("pushes", ["free", "constant"])
-def test_dart_moves_another_as_the_equations_say(pushes, in_dart):
+def test_dart_moves_other_parameters_like_the_equations(pushes, in_dart):
     """The hinge's and the cart's friction among the rest: 1000 times the usual, 40 times."""
     forces = PUSHES[pushes]
     exact = trajectory(FinePlant(OTHER), forces)

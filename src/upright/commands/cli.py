@@ -550,7 +550,9 @@ another program. Q-learning is some hundred times as fast once upright.build_mex
         "path",
         "print the folder of the MATLAB code",
         """\
-example, in MATLAB or Octave:
+examples:
+  upright matlab path
+Then, in MATLAB or Octave:
   addpath FOLDER
   help upright.Contents
 """,
@@ -662,7 +664,11 @@ examples:
         parts,
         "doctor",
         "tell what is there of Gazebo and what it needs, and how to get the rest",
-        "exit status: 0 if Gazebo and its plugin are there and it runs, 1 if not.\n",
+        """\
+examples:
+  upright gazebo doctor
+exit status: 0 if Gazebo and its plugin are there and it runs, 1 if not.
+""",
     )
     parser.set_defaults(command=gazebo_doctor)
     parser = _command(

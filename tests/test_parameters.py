@@ -1,0 +1,96 @@
+"""Parameters of the plant, from the name to every plant that is made of them."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers import PUSHES, trajectory
+
+import upright
+from upright.core.parameters import Parameters
+from upright.plants.equations import equations
+from upright.plants.settings import RunContext
+from upright.policies.files import read_header
+
+LONG = {"half_length": 1.0, "pole_mass": 0.3, "cart_mass": 1.5}
+"""A pole of two metres, heavier, on a heavier cart."""
+SIMULATORS = ["mujoco", pytest.param("gazebo", marks=[pytest.mark.gazebo, pytest.mark.slow])]
+
+
+def moved(plant, parameters):
+    """Return the states that a plant with these parameters goes through under a constant push."""
+    spec = upright.TaskSpec(parameters=parameters)
+    context = RunContext(spec.task(), spec, 0, np.zeros(1, np.bool_))
+    made, _ = upright.PLANTS.default(plant).make(context)
+    try:
+        return trajectory(made, PUSHES["constant"][:20])
+    finally:
+        made.close()
+
+
+@pytest.mark.parametrize("plant", SIMULATORS)
+def test_a_simulator_moves_as_the_equations_do_with_changed_parameters(plant):
+    parameters = Parameters(**LONG)
+    states = moved(plant, parameters)
+    exact = trajectory(equations(parameters, "rk4"), PUSHES["constant"][:20])
+    usual = trajectory(equations(integrator="rk4"), PUSHES["constant"][:20])
+    assert np.abs(states - exact).max() < 0.02
+    assert np.abs(exact - usual).max() > 0.3, "the parameters must matter for this to mean anything"
+
+
+@pytest.mark.parametrize("name", Parameters._fields)
+def test_every_parameter_is_a_part_of_a_run_s_key(name):
+    usual = upright.make_case("random-search")
+    value = 1.5 * getattr(Parameters(), name)
+    changed = upright.make_case("random-search", parameters={name: value})
+    assert changed.key != usual.key
+    assert json.loads(changed.key)["task"]["parameters"] == {name: value}
+
+
+def test_a_policy_plays_on_the_pole_that_it_learned_on(tmp_path):
+    policy, _ = upright.learn("adaptive-lqr", steps=300, parameters=LONG)
+    path = tmp_path / "policy.npz"
+    upright.save_policy(path, policy)
+    assert read_header(path)["task"]["parameters"] == LONG
+    assert upright.load_policy(path).learned_on.parameters == Parameters(**LONG)
+    played = upright.play(policy, episodes=3)
+    other = upright.play(policy, episodes=3, parameters={"half_length": 0.05, "force": 40.0})
+    assert all(trial.balanced for trial in played)
+    assert not all(trial.balanced for trial in other)
+
+
+def test_tables_name_the_parameters_that_were_changed():
+    cases = [upright.make_case("random-search", steps=50, parameters=p) for p in ({}, LONG)]
+    results = upright.study(cases, runs=2)
+    rows = [upright.summarise(case, 0, results[case]) for case in cases]
+    text = upright.render(rows, "text")
+    notes = [line for line in text.splitlines() if "2 runs a case" in line]
+    assert len(notes) == 2
+    assert sum("half_length 1.0, " in note for note in notes) == 1
+    assert [row["parameters"] for row in json.loads(upright.render(rows, "json"))] == [{}, LONG]
+
+
+def test_the_integrator_is_named_where_it_is_not_the_usual_one():
+    from upright.plants.equations import EquationsSettings
+
+    case = upright.make_case("random-search", steps=50, plant=EquationsSettings("rk4"))
+    row = upright.summarise(case, 0, upright.study([case], runs=2)[case])
+    assert "integrator rk4" in upright.render([row], "text")
+
+
+def test_parameters_are_numbers_whatever_they_are_given_as():
+    whole = upright.make_case("random-search", parameters={"half_length": 1})
+    assert whole.key == upright.make_case("random-search", parameters={"half_length": 1.0}).key
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"length": 1.0}, "parameter is 'length'; it must be one of gravity"),
+        ({"half_length": 0}, "half_length is 0; it must be a number, above 0"),
+        ({"half_length": "long"}, "half_length is 'long'; it must be a number"),
+    ],
+)
+def test_impossible_parameters_are_refused_by_name(changes, named):
+    with pytest.raises(upright.UprightError, match=named):
+        upright.make_case("random-search", parameters=changes)
