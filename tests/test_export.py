@@ -15,7 +15,8 @@ import pytest
 from helpers import make_task
 
 from upright.agents import AGENTS
-from upright.agents.parts.policy_form import BLOCK, Table
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Table
 from upright.agents.q_learning import QLearning
 from upright.commands import run
 from upright.core.parameters import State

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from upright.agents import AGENTS
-from upright.agents.parts.policy_form import BLOCK, Layer, Network, Table
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Layer, Network, Table
 from upright.agents.q_learning import QLearning
 from upright.commands import run
 from upright.core.parameters import State

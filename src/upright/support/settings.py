@@ -13,7 +13,10 @@ from upright.errors import UprightError, require_one_of
 
 
 class Fields(Protocol):
-    """Any dataclass."""
+    """Any dataclass.
+
+    If settings once had other names, its class attribute `RENAMED` holds the new one of each.
+    """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -26,6 +29,18 @@ def values_of(settings: Fields) -> dict[str, Any]:
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
 
 
+def renamed(settings: Fields) -> dict[str, str]:
+    """Return the present names of settings that once had other names, by those."""
+    names: dict[str, str] = getattr(settings, "RENAMED", {})
+    return names
+
+
+def refuse_former_name(settings: Fields, name: str) -> None:
+    """Raise UprightError if a person names a setting as it was once called."""
+    if name in renamed(settings):
+        raise UprightError(f"{name} is now called {renamed(settings)[name]}")
+
+
 def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
     """Return by name the values of settings that differ from the usual ones."""
     values = values_of(usual)
@@ -35,11 +50,16 @@ def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     """Return settings like the default ones with the values that were written to a file as JSON.
 
+    A file may hold former names of settings.
+
     Raises
     ------
     UprightError
         If they are not the owner's settings, or not allowed.
     """
+    for old, new in renamed(default).items():
+        if old in values and new not in values:
+            values = {new if name == old else name: value for name, value in values.items()}
     if values.keys() != values_of(default).keys():
         raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {owner}")
     values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
@@ -56,11 +76,12 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
     Raises
     ------
     UprightError
-        If there is no such setting, or its value is not allowed.
+        If there is no such setting, it now has another name, or its value is not allowed.
     """
     present = values_of(settings)
     values = {}
     for name, text in changes.items():
+        refuse_former_name(settings, name)
         require_one_of("setting", name, present)
         values[name] = _parse(name, text, present[name])
     return replace(settings, **values)
