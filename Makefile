@@ -6,7 +6,7 @@ BIN := .venv/bin
 RUNS ?= 20
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test test-matlab test-sb3 octave gazebo lint benchmark clean
+.PHONY: help reproduce test test-matlab test-sb3 octave gazebo lint benchmark release clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
@@ -15,6 +15,7 @@ help:
 	@echo "make test-matlab the tests of the MATLAB twin alone"
 	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
 	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
+	@echo "make release     check, build and try a release, into dist/; nothing is published"
 	@echo "make clean       remove the environment and everything made"
 
 .venv/used: pyproject.toml
@@ -60,5 +61,8 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/gazebo.py --output docs/gazebo.md
 	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
 
+release: .venv/developed
+	$(BIN)/python tools/release.py
+
 clean:
-	rm -rf .venv results benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv results dist benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis

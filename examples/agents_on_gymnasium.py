@@ -10,19 +10,11 @@ pole has fallen.
 """
 
 import argparse
-import time
 
 import gymnasium
-import numpy as np
 
-from upright.core.conditions import RUNS, STEPS
-from upright.core.parameters import State
-from upright.core.trials import Result, run
-from upright.errors import UprightError
-from upright.reports.statistics import summarise
-from upright.reports.tables import render
-from upright.studies.case import Case, make_case
-from upright.studies.random_streams import random_numbers
+import upright
+from upright import Case, Result, State, UprightError
 
 
 class GymnasiumBody:
@@ -71,15 +63,11 @@ class GymnasiumBody:
 
 
 def make_run(name: str, case: Case, seed: int, number: int) -> Result:
-    """Run a new agent in an environment, as `study.make_run` does on the equations."""
-    rng = random_numbers(seed, number)
-    agent = case.settings.agent(rng)
-    body = GymnasiumBody(name, case.spec.steps, int(rng.integers(2**31)))
-    lengths = np.zeros(case.spec.trials, np.int64)
-    began = time.perf_counter()
-    success = run(agent, body, case.spec.task(), rng, lengths, np.zeros(1, np.bool_)) > 0
-    body.close()
-    return Result(number, success, lengths[lengths > 0], time.perf_counter() - began)
+    """Run a new agent in an environment, as `upright.make_run` does on the plant of the case."""
+    body = GymnasiumBody(name, case.spec.steps, seed + number)
+    _, result = upright.make_run(case, seed, number, plant=body)
+    assert result is not None  # nothing stops the run
+    return result
 
 
 def main() -> None:
@@ -87,15 +75,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--env", default="CartPole-v1", help="name of the environment")
     parser.add_argument("--agents", default="adaptive-lqr,reinforce,q-learning,random-search")
-    parser.add_argument("--runs", type=int, default=RUNS)
-    parser.add_argument("--steps", type=int, default=STEPS, help="steps of a successful trial")
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--steps", type=int, default=60_000, help="steps of a successful trial")
     options = parser.parse_args()
     rows = []
     for agent in options.agents.split(","):
-        case = make_case(agent, steps=options.steps)
+        case = upright.make_case(agent, steps=options.steps)
         results = [make_run(options.env, case, 0, number) for number in range(options.runs)]
-        rows.append(summarise(case, 0, results))
-    print(f"{options.env}\n\n{render(rows, 'text')}", end="")
+        rows.append(upright.summarise(case, 0, results))
+    print(f"{options.env}\n\n{upright.render(rows, 'text')}", end="")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.compiled import compiled
+from upright import compiled
 
 
 class HillClimber(NamedTuple):

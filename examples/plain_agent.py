@@ -10,7 +10,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from upright.core.parameters import State
+from upright import State
 
 
 class TinyQ:

@@ -18,8 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from upright.core.parameters import State
-from upright.plants.equations import equations
+from upright import State, equations
 
 PERIOD = 0.02
 """Time between two measurements [s]."""

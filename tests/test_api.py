@@ -106,7 +106,9 @@ def test_a_false_example_is_noticed(capsys):
     assert "Expected" in failures("false", ">>> upright.NOISES['none'].angle\n1.0\n", capsys)
 
 
-@pytest.mark.parametrize("name", ["numpy", "numba", "scipy", "gymnasium", "argparse"])
+@pytest.mark.parametrize(
+    "name", ["numpy", "numba", "scipy", "gymnasium", "argparse", "upright.core"]
+)
 def test_importing_the_package_does_not_import(name):
     ended = python(f"import sys, upright; dir(upright); sys.exit({name!r} in sys.modules)")
     assert ended.returncode == 0, ended.stderr

@@ -39,7 +39,7 @@ def test_trials_are_the_episodes_of_the_environment(name):
             observation, _, fallen, _, _ = env.step(int(observation @ POOR_WEIGHTS > 0))
             episodes[-1] += 1
 
-    task = make_case("random-search", steps=500, trials=300).task()
+    task = make_case("random-search", steps=500, trials=300).spec.task()
     agent, body = LinearAgent(*POOR_WEIGHTS), GymnasiumBody(name, 500, 5)
     lengths = np.zeros(300, np.int64)
     trials.run(agent, body, task, np.random.default_rng(0), lengths, np.zeros(1, np.bool_))
@@ -60,7 +60,7 @@ def test_an_environment_of_another_kind_is_refused():
 
 def test_the_environment_tells_when_the_pole_has_fallen():
     """By its own limits, whatever the limits of the task are."""
-    task, lengths = make_case("random-search", steps=200).task(), []
+    task, lengths = make_case("random-search", steps=200).spec.task(), []
     for limit in (0.2, 0.1):
         body = GymnasiumBody("CartPole-v1", 200, 0)
         body.env.unwrapped.theta_threshold_radians = limit

@@ -70,6 +70,15 @@ def test_an_edit_of_a_file_that_does_not_keeps_their_key(package, name):
     assert key_of(package) == before
 
 
+def test_packages_that_are_installed_beside_it_do_not_count(package):
+    """The libraries that it imports lie there, too, where it is installed."""
+    before = key_of(package)
+    neighbour = package.parent / "numpy"
+    neighbour.mkdir()
+    (neighbour / "__init__.py").write_text("this is not Python: nobody reads it")
+    assert key_of(package) == before
+
+
 @pytest.mark.parametrize(
     ("plant", "name"),
     [
@@ -111,6 +120,6 @@ def test_imports_count_wherever_they_stand(tmp_path):
     (tmp_path / "package").mkdir()
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
-    found = import_closure([tmp_path / "start.py"], [tmp_path])
+    found = import_closure([tmp_path / "start.py"], [tmp_path], tmp_path)
     names = {str(path.relative_to(tmp_path)) for path in found}
     assert names == texts.keys() - {"other.py", "other.csv"}

@@ -133,18 +133,20 @@ _MODULE_OF = {name: f"upright.{place}" for place, names in _PLACES.items() for n
 _NEED_GYMNASIUM = {name for name in _MODULE_OF if ".environments." in _MODULE_OF[name]}
 
 
-def __getattr__(name: str) -> Any:
-    """Return a public name, imported when first used."""
-    if name == "__all__":
-        return __dir__()
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'upright' has no attribute {name!r}")
-    if name in _NEED_GYMNASIUM:
-        from upright.errors import require_module
+if not TYPE_CHECKING:  # which would take any name for granted
 
-        require_module("gymnasium", f"{name} needs Gymnasium", "gymnasium")
-    value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
-    return value
+    def __getattr__(name: str) -> Any:
+        """Return a public name, imported when first used."""
+        if name == "__all__":
+            return __dir__()
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module 'upright' has no attribute {name!r}")
+        if name in _NEED_GYMNASIUM:
+            from upright.errors import require_module
+
+            require_module("gymnasium", f"{name} needs Gymnasium", "gymnasium")
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+        return value
 
 
 def __dir__() -> list[str]:

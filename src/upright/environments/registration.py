@@ -6,8 +6,6 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
-from upright.core.conditions import STEPS
-
 
 def register_environments() -> None:
     """Register the environments: now, or as soon as Gymnasium is imported.
@@ -23,6 +21,8 @@ def register_environments() -> None:
 
 def _register() -> None:
     from gymnasium.envs.registration import register, registry
+
+    from upright.core.conditions import STEPS
 
     for name, options in (("CartPole", {}), ("ContinuousCartPole", {"continuous": True})):
         if f"upright/{name}-v0" not in registry:

@@ -34,6 +34,13 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     A NumPy archive holds all that the agent learned; JSON holds what the policy computes, in terms
     that other languages read.
 
+    Parameters
+    ----------
+    path
+        The file to write.
+    policy
+        The policy to save.
+
     Raises
     ------
     UprightError

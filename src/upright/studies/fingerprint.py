@@ -50,10 +50,10 @@ def _file_of(module: str) -> Path:
 
 def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
     """Return all files of the package that determine runs which use these modules."""
-    heart = [*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)]
-    found = {path for path in import_closure(modules, [package.parent]) if path not in heart}
-    without = [package / name for name in WITHOUT_EFFECT]
-    return {*heart, *(p for p in found if not any(p.is_relative_to(part) for part in without))}
+    always = {*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)}
+    ignored = [package / name for name in WITHOUT_EFFECT]
+    imported = import_closure(modules, [package.parent], package)
+    return always | {p for p in imported if not any(p.is_relative_to(part) for part in ignored)}
 
 
 def _custom_fingerprint(agent: CustomAgent) -> str:
@@ -61,27 +61,36 @@ def _custom_fingerprint(agent: CustomAgent) -> str:
     file, name = agent.source(), agent.agent_name.partition(":")[0]
     depth = name.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
-    own = import_closure([file], [root])
-    if root.name in INSTALLED:
-        own = {path for path in own if path.is_relative_to(root / name.partition(".")[0])}
-    return digest(sorted(own | {file}), root)
+    own = root / name.partition(".")[0] if root.name in INSTALLED else root
+    return digest(sorted(import_closure([file], [root], own) | {file}), root)
 
 
-def import_closure(modules: Iterable[Path], roots: Iterable[Path]) -> set[Path]:
-    """Return the files of modules, of all they import below the roots, and of data they name.
+def import_closure(modules: Iterable[Path], roots: Iterable[Path], within: Path) -> set[Path]:
+    """Return the files of modules, of all they import, and of data they name.
 
-    Imports count wherever they stand: at the top, in functions, for type checkers alone.
+    All imports count: at the top, in functions, and for type checkers only. Modules are looked up
+    below the roots, and included if they are within one folder, because an installed package also
+    imports other packages beside it.
+
+    Parameters
+    ----------
+    modules
+        The files to start from.
+    roots
+        Folders that absolute imports are relative to.
+    within
+        Folder that all files are in, except those to start from.
     """
     roots = list(roots)
-    found: set[Path] = set()
+    closure: set[Path] = set()
     waiting = list(modules)
     while waiting:
         path = waiting.pop()
-        if path not in found:
-            found.add(path)
+        if path not in closure:
+            closure.add(path)
             if path.suffix == ".py":
-                waiting += _used_by(path, roots)
-    return found
+                waiting += (used for used in _used_by(path, roots) if used.is_relative_to(within))
+    return closure
 
 
 def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:

@@ -79,7 +79,8 @@ def make_run(
         Returns the random numbers of a run with this seed and number: `random_numbers` by default,
         or `twister_numbers`.
     plant
-        An existing plant, which must produce all noise itself; by default a new one is made.
+        The plant to balance in place of the case's: an object with the methods `reset`, `step`,
+        `has_fallen` and `close`. The noise of the case is added to it.
 
     Returns
     -------
