@@ -126,7 +126,7 @@ enum { HIDDEN_1 = 8, HIDDEN_2 = 16 };
 typedef struct {
     const double *weights; /* of the three layers, one after the other */
     const double *scales;
-    double gain;
+    double logit_scale;
     double *inputs; /* of each kept step, four; a ring, as the next two */
     bool *actions;
     double *probabilities; /* of the push that was made */
@@ -173,7 +173,7 @@ int64_t trial_reinforce(const Parameters *p, ReinforceMemory *memory, Random *ra
     while (count < steps && !fallen) {
         double inputs[4] = {s.x / m.scales[0], s.x_dot / m.scales[1], s.theta / m.scales[2],
                             s.theta_dot / m.scales[3]};
-        double right = 1.0 / (1.0 + exp(-(m.gain * evaluate(m.weights, inputs))));
+        double right = 1.0 / (1.0 + exp(-(m.logit_scale * evaluate(m.weights, inputs))));
         bool action = uniform(&r) < right;
         s = step(p, s, push(p, action));
         fallen = has_fallen(p, s);

@@ -36,7 +36,7 @@ from upright.studies.case import make_case
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import make_run
 
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-m", "upright"]
 REAL_TIME = 1 / Parameters().time_step
 """Control steps in a second of the cart-pole's own time."""
 

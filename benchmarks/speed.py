@@ -69,7 +69,7 @@ Program = Callable[[int], Outcome]
 class CParameters(ctypes.Structure):
     """`Parameters` of cartpole.h."""
 
-    _fields_ = [(name, ctypes.c_double) for name in Parameters._fields if name != "integrator"]
+    _fields_ = [(name, ctypes.c_double) for name in Parameters._fields]
 
 
 class CQMemory(ctypes.Structure):
@@ -82,7 +82,7 @@ class CQMemory(ctypes.Structure):
         ("edge_counts", ctypes.c_int64 * 4),
         ("move_entries", ctypes.c_void_p),
         ("move_boxes", ctypes.c_void_p),
-        ("kept_moves", ctypes.c_int64),
+        ("replay_size", ctypes.c_int64),
         ("moves", ctypes.c_int64),
         ("mirrored", ctypes.c_bool),
     ]
@@ -94,7 +94,7 @@ class CReinforceMemory(ctypes.Structure):
     _fields_ = [
         ("weights", ctypes.c_void_p),
         ("scales", ctypes.c_void_p),
-        ("gain", ctypes.c_double),
+        ("logit_scale", ctypes.c_double),
         ("inputs", ctypes.c_void_p),
         ("actions", ctypes.c_void_p),
         ("probabilities", ctypes.c_void_p),
@@ -335,7 +335,7 @@ def q_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
 
     def program(steps: int) -> Outcome:
         agent = copy.deepcopy(trained.agent)
-        assert agent.passes > 0, "reference.c knows the default settings"
+        assert agent.replay_passes > 0, "reference.c knows the default settings"
         edges = [np.array(each) for each in agent.boxes.edges]
         memory = CQMemory(
             address(agent.table),
@@ -383,7 +383,7 @@ def reinforce_in_c(library: ctypes.CDLL, trained: Trained) -> Program:
         memory = CReinforceMemory(
             address(agent.adam.weights),
             address(agent.scales),
-            agent.gain,
+            agent.logit_scale,
             address(episodes.inputs[newest]),
             address(episodes.actions[newest]),
             address(episodes.probabilities[newest]),

@@ -15,6 +15,7 @@ from upright.core.cartpole import Integrator, step
 from upright.core.parameters import Parameters, State
 from upright.core.task import Task, TaskSpec
 from upright.plants.equations import equations
+from upright.plants.settings import RunContext
 from upright.reports.statistics import Row
 
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
@@ -96,6 +97,12 @@ class LinearAgent:
         self.ends.append(fallen)
 
 
+def make_context(task: Task | None = None, spec: TaskSpec | None = None) -> RunContext:
+    """Return what a plant is made for, whose run nobody stops."""
+    spec = spec or TaskSpec()
+    return RunContext(task or spec.task(), spec, 0, np.zeros(1, np.bool_))
+
+
 def make_task(noise: str = "none", start: str = "random", **names: Any) -> Task:
     """Return the task with these named parts in numbers."""
     return TaskSpec(noise, start, **names).task()
@@ -104,8 +111,10 @@ def make_task(noise: str = "none", start: str = "random", **names: Any) -> Task:
 LEARNED_ON = {
     "noise": "none",
     "start": "random",
-    "steps": 2000,
     "condition": "nominal",
+    "steps": 2000,
+    "trials": 1000,
+    "parameters": {},
     "seed": 0,
     "run": 0,
 }

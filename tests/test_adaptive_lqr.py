@@ -6,7 +6,8 @@ import pytest
 from helpers import arrays, make_task
 from scipy.linalg import solve_discrete_are
 
-from upright.agents.adaptive_lqr import BLOCK, SETTINGS, AdaptiveLQR, design
+from upright.agents.adaptive_lqr import SETTINGS, AdaptiveLQR, fit_and_design
+from upright.agents.parts.history import BLOCK
 from upright.core.cartpole import step
 from upright.core.loops import compiled_run
 from upright.core.parameters import Parameters, State
@@ -92,7 +93,7 @@ def test_the_model_is_the_ridge_regression_of_all_samples(history):
     for samples in trials:
         agent.begin_trial(rng)
         feed(agent, samples)
-    design(agent)
+    fit_and_design(agent)
     rows = np.vstack([regressors(samples, history) for samples in trials])
     changes = np.array([np.subtract(n, s) for samples in trials for s, _, n in samples])
     beliefs = np.array([DEFAULT.push_ridge, *[DEFAULT.ridge] * 4])
@@ -104,7 +105,7 @@ def test_the_model_is_the_ridge_regression_of_all_samples(history):
 
 def test_before_any_sample_it_expects_that_nothing_changes():
     agent = agent_of()
-    design(agent)
+    fit_and_design(agent)
     np.testing.assert_array_equal(agent.model, np.eye(4, BLOCK * DEFAULT.history, k=1))
     np.testing.assert_array_equal(agent.gains[1:], 0.0)
 
@@ -114,7 +115,7 @@ def test_six_samples_of_a_linear_plant_tell_it_exactly():
     a, b = linear_plant()
     agent = agent_of(history=1, ridge=1e-12, push_ridge=1e-12)
     feed(agent, random_trial(a, b, 6, rng))
-    design(agent)
+    fit_and_design(agent)
     assert agent.model == pytest.approx(np.column_stack([b, a]), abs=1e-6)
 
 
@@ -124,7 +125,7 @@ def test_history_finds_the_instability_that_noise_hides():
     feedback = np.array([2.0, 2.9, 17.0, 4.6])
 
     def growth(history):
-        rng, agent = np.random.default_rng(6), agent_of(history=history, settled=10**6)
+        rng, agent = np.random.default_rng(6), agent_of(history=history, learning_steps=10**6)
         state = np.zeros(4)
         seen = state.copy()
         for _ in range(3000):
@@ -134,7 +135,7 @@ def test_history_finds_the_instability_that_noise_hides():
             after = state + 0.008 * rng.normal() * ANGLE
             feed(agent, [(seen.tolist(), action, after.tolist())])
             seen = after
-        design(agent)
+        fit_and_design(agent)
         return max(abs(np.linalg.eigvals(companion(agent.model))))
 
     true = max(abs(np.linalg.eigvals(a)))
@@ -157,9 +158,9 @@ def test_over_a_long_horizon_the_gains_are_those_of_the_riccati_equation():
     a, b = linear_plant()
     agent = agent_of(history=1, horizon=3000)
     set_model(agent, np.column_stack([b, a]))
-    design(agent)
-    v = solve_discrete_are(a, b[:, None], np.diag(COSTS), [[DEFAULT.effort]])
-    expected = b @ v @ a / (DEFAULT.effort + b @ v @ b)
+    fit_and_design(agent)
+    v = solve_discrete_are(a, b[:, None], np.diag(COSTS), [[DEFAULT.push_cost]])
+    expected = b @ v @ a / (DEFAULT.push_cost + b @ v @ b)
     assert agent.gains[1:] == pytest.approx(expected, rel=1e-6)
 
 
@@ -172,7 +173,7 @@ def test_the_gains_minimise_the_cost_over_the_horizon(horizon):
     size = BLOCK * history
     model = np.eye(4, size, k=1) + 0.2 * rng.normal(size=(4, size))
     set_model(agent, model)
-    design(agent)
+    fit_and_design(agent)
     matrix = companion(model)
     root = np.sqrt(np.array(COSTS))
     start = rng.normal(size=size)
@@ -185,7 +186,7 @@ def test_the_gains_minimise_the_cost_over_the_horizon(horizon):
         right_side.append(-root * constant[1:BLOCK])
         push = np.zeros(horizon + 1)
         push[k] = 1.0
-        rows.append(math.sqrt(DEFAULT.effort) * push[None])
+        rows.append(math.sqrt(DEFAULT.push_cost) * push[None])
         right_side.append([0.0])
         with_push = effect.copy()
         with_push[0] = push
@@ -196,7 +197,7 @@ def test_the_gains_minimise_the_cost_over_the_horizon(horizon):
 
 def test_it_pushes_against_the_gains_times_the_state():
     rng = np.random.default_rng(8)
-    agent = agent_of(history=4, exploration=0.0, settled=0)
+    agent = agent_of(history=4, exploration=0.0, learning_steps=0)
     agent.gains[:] = rng.normal(size=BLOCK * 4)
     seen, pushes = [], []
     agent.begin_trial(rng)
@@ -217,7 +218,7 @@ def test_it_pushes_against_the_gains_times_the_state():
 
 def test_playing_remembers_as_learning_does():
     rng = np.random.default_rng(9)
-    one, other = agent_of(settled=0), agent_of(settled=0)
+    one, other = agent_of(learning_steps=0), agent_of(learning_steps=0)
     for agent in (one, other):
         agent.begin_trial(rng)
     for _ in range(20):
@@ -253,7 +254,7 @@ def test_success_forgets_nothing():
 
 
 def test_a_trial_that_has_lasted_is_no_longer_learned_from():
-    agent = agent_of(settled=15)
+    agent = agent_of(learning_steps=15)
     rng = np.random.default_rng(12)
     samples = random_trial(*linear_plant(), 30, rng)
     feed(agent, samples)
@@ -339,10 +340,10 @@ def test_the_same_seed_gives_the_same_agent():
         ("ridge_growth", 0.9),
         ("x_cost", -1.0),
         ("theta_cost", math.nan),
-        ("effort", 0.0),
+        ("push_cost", 0.0),
         ("horizon", 0),
         ("exploration", 1.1),
-        ("settled", -1),
+        ("learning_steps", -1),
         ("kept_samples", 0.0),
     ],
 )

@@ -102,8 +102,9 @@ def random_steps(lengths, seed=5):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_steps_change_all_boxes_by_the_equations_of_the_paper(mirrored):
-    """Against whole arrays in NumPy, without a list of recent boxes."""
-    settings = replace(PUBLISHED, mirrored=mirrored, critic_rate=0.4, box_trace=0.7)
+    """Against whole arrays in NumPy, without a list of traced boxes."""
+    changed = {"critic_learning_rate": 0.4, "critic_trace_decay": 0.7}
+    settings = replace(PUBLISHED, mirrored=mirrored, **changed)
     agent, rng = blank(settings), np.random.default_rng(6)
     w, v = rng.normal(size=162), -rng.random(162)
     agent.weights[:], agent.predictions[:] = w, v
@@ -153,13 +154,13 @@ def test_traces_decay_and_are_forgotten_when_negligible():
     for steps in range(1, 240):
         push, visit = -0.1 * 0.9**steps, 0.2 * 0.8**steps
         assert agent.push_traces[left] == pytest.approx(push if -push > NEGLIGIBLE else 0.0)
-        assert agent.box_traces[left] == pytest.approx(visit, abs=1.1 * NEGLIGIBLE)
+        assert agent.visit_traces[left] == pytest.approx(visit, abs=1.1 * NEGLIGIBLE)
         agent.learn(there, True, there, False)
     agent.learn(there, True, there, False)
-    assert agent.push_traces[left] == agent.box_traces[left] == 0
-    assert agent.recent[: agent.recents[0]].tolist() == [other]
+    assert agent.push_traces[left] == agent.visit_traces[left] == 0
+    assert agent.traced_boxes[: agent.traced_count[0]].tolist() == [other]
     assert agent.push_traces[other] == pytest.approx(0.9)  # almost 1, faded once
-    assert agent.box_traces[other] == pytest.approx(0.8)
+    assert agent.visit_traces[other] == pytest.approx(0.8)
 
 
 def test_a_new_trial_begins_without_traces():
@@ -169,8 +170,8 @@ def test_a_new_trial_begins_without_traces():
     weights = agent.weights.copy()
     agent.begin_trial(rng)
     assert not agent.push_traces.any()
-    assert not agent.box_traces.any()
-    assert agent.recents[0] == 0
+    assert not agent.visit_traces.any()
+    assert agent.traced_count[0] == 0
     assert np.array_equal(agent.weights, weights)
 
 
@@ -183,7 +184,7 @@ def test_numbers_stay_of_a_sensible_size_while_the_pole_stands(label):
     inside = states(4, seed=11)
     for number in range(60_000):
         agent.learn(inside[number % 4], number % 2 == 0, inside[(number + 1) % 4], False)
-    for array in (agent.weights, agent.predictions, agent.push_traces, agent.box_traces):
+    for array in (agent.weights, agent.predictions, agent.push_traces, agent.visit_traces):
         sizes = np.abs(array[array != 0])
         assert sizes.min(initial=1.0) > 1e-30
         assert sizes.max(initial=0.0) < 1e12
@@ -197,10 +198,10 @@ def test_numbers_stay_of_a_sensible_size_while_the_pole_stands(label):
     [
         ({"learning_rate": -1.0}, "learning_rate is -1.0; it must be a number, at least 0"),
         ({"learning_rate": math.inf}, "learning_rate is inf;"),
-        ({"critic_rate": 1.1}, "critic_rate is 1.1;"),
+        ({"critic_learning_rate": 1.1}, "critic_learning_rate is 1.1;"),
         ({"discount": 1.5}, "discount is 1.5;"),
-        ({"push_trace": 1.0}, "push_trace is 1.0;"),
-        ({"box_trace": -0.1}, "box_trace is -0.1;"),
+        ({"actor_trace_decay": 1.0}, "actor_trace_decay is 1.0;"),
+        ({"critic_trace_decay": -0.1}, "critic_trace_decay is -0.1;"),
         ({"noise": 0.0}, "noise is 0.0; it must be a number, above 0"),
         ({"noise": math.nan}, "noise is nan;"),
         ({"x_edges": (1.0, -1.0)}, "x_edges is (1.0, -1.0); its edges must ascend"),
@@ -217,8 +218,8 @@ def test_impossible_settings_are_refused_by_name(change, message):
 
 def test_published_settings_are_those_of_the_paper():
     p = PUBLISHED
-    assert (p.learning_rate, p.critic_rate, p.discount) == (1000, 0.5, 0.95)
-    assert (p.push_trace, p.box_trace, p.noise) == (0.9, 0.8, 0.01)
+    assert (p.learning_rate, p.critic_learning_rate, p.discount) == (1000, 0.5, 0.95)
+    assert (p.actor_trace_decay, p.critic_trace_decay, p.noise) == (0.9, 0.8, 0.01)
     assert not p.mirrored
     assert {name: getattr(p, name) for name in BARTO_SUTTON_ANDERSON} == BARTO_SUTTON_ANDERSON
     assert np.degrees(p.theta_edges) == pytest.approx([-6, -1, 0, 1, 6])

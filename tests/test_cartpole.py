@@ -331,11 +331,10 @@ def test_impossible_parameters_are_refused_by_name(name, value):
 @pytest.mark.parametrize("value", [3, -1, "RK4", None, 0.5])
 def test_an_unknown_integrator_is_refused_by_name(value):
     for make in (EquationsSettings, lambda name: equations(integrator=name)):
-        with pytest.raises(
-            UprightError, match=r"integrator is .*euler, semi-implicit, rk4"
-        ) as error:
+        with pytest.raises(UprightError) as error:
             make(value)
-        assert repr(value) in str(error.value)
+        said = f"integrator is {value!r}; it must be one of euler, semi-implicit, rk4"
+        assert str(error.value) == said
 
 
 @pytest.mark.parametrize("name", NOT_NEGATIVE)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.policies.files import save_policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -25,7 +25,7 @@ UPRIGHT = [
     "-c",
     # A shell starts background jobs with SIGINT ignored, and their children inherit that.
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from upright.commands.cli import main; main()",
+    "from upright.commands import main; main()",
 ]
 QUICK = ["--steps", "300", "--agents", "random-search"]
 
@@ -64,7 +64,7 @@ def folder(tmp_path, monkeypatch):
         ("learn reinforce --steps 0", ["steps is 0", "at least 1"]),
         ("learn reinforce --trials -1", ["trials is -1", "at least 1"]),
         ("learn reinforce --start up", ["'up'", "random", "zero"]),
-        ("learn reinforce --integrator magic", ["'magic'", "euler", "rk4"]),
+        ("learn reinforce --plant-set integrator=magic", ["'magic'", "euler", "rk4"]),
         ("learn reinforce --settings mine", ["'mine'", "default", "as-published"]),
         ("learn reinforce --seed -1", ["seed is -1", "at least 0"]),
         ("learn reinforce --run -1", ["run is -1", "at least 0"]),
@@ -80,10 +80,10 @@ def folder(tmp_path, monkeypatch):
         ("learn random-search --save missing/policy.npz", ["missing/policy.npz", "folder"]),
         ("learn random-search --plot curve.doc", [".doc", ".png"]),
         ("play absent.npz", ["'absent.npz'", "no such file"]),
-        ("play text", ["'text'", "no file of a policy"]),
+        ("play text", ["'text'", "not a file of a policy"]),
         ("play poor.npz --noise loud", ["'loud'", "none", "gaussian-0.2", "all-10"]),
         ("play poor.npz --start up", ["'up'", "random", "zero", "wide"]),
-        ("play poor.npz --integrator magic", ["'magic'", "euler", "rk4"]),
+        ("play poor.npz --plant-set integrator=magic", ["'magic'", "euler", "rk4"]),
         ("play poor.npz --condition odd", ["'odd'", "nominal", "delay-2"]),
         ("play poor.npz --episodes 0", ["episodes is 0", "at least 1"]),
         ("play poor.npz --steps 0", ["steps is 0", "at least 1"]),
@@ -109,12 +109,12 @@ def folder(tmp_path, monkeypatch):
         ("reproduce --output new --runs 0", ["runs is 0"]),
         ("reproduce --output new --steps 0", ["steps is 0"]),
         ("plot policy absent.npz", ["'absent.npz'", "no such file"]),
-        ("plot policy text", ["'text'", "no file of a policy"]),
+        ("plot policy text", ["'text'", "not a file of a policy"]),
         ("plot curves foreign", ["'foreign'", "another program"]),
         ("plot trials text --output trials.doc", [".doc", ".svg"]),
         ("export absent.npz policy.h", ["'absent.npz'", "no such file"]),
         ("export text policy.doc", [".doc", ".h", ".onnx"]),
-        ("export text policy.h", ["'text'", "no file of a policy"]),
+        ("export text policy.h", ["'text'", "not a file of a policy"]),
         ("plot shapes text", ["'shapes'", "curves"]),
         ("dance", ["'dance'", "learn"]),
         ("", ["COMMAND"]),
@@ -253,7 +253,7 @@ def test_every_argument_and_option_has_a_help_text(helps):
 def test_help_needs_no_heavy_library():
     heavy = {"numba", "scipy", "matplotlib", "rich", "numpy", "pygame", "imageio_ffmpeg"}
     program = (
-        "import sys; from upright.commands.cli import run\n"
+        "import sys; from upright.commands import run\n"
         "try: run(['--help'])\n"
         f"except SystemExit: print({heavy!r} & set(sys.modules))"
     )

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,10 +15,12 @@ import pytest
 from helpers import make_task
 
 from upright.agents import AGENTS
-from upright.agents.parts.policy_form import BLOCK, Table
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Table
 from upright.agents.q_learning import QLearning
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
+from upright.core.task import TaskSpec
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
@@ -224,6 +227,19 @@ def test_the_header_begins_with_the_contract(learned):
         assert f"{name}: {json.dumps(value)}" in comment
 
 
+@needs_gcc
+def test_nothing_that_a_policy_says_of_itself_ends_the_comment(tmp_path):
+    told = {"name": "mujoco", "*/ #error": "*/ */*/ /* */", "x *": "/ */"}
+    case = make_case("random-search")
+    policy = learned_policy(case, 0, 0, case.settings.agent(np.random.default_rng(0)))
+    header = c_header(replace(policy, plant=told))
+    assert header.count("*/") == c_header(policy).count("*/")
+    shown = " ".join(header.partition("*/")[0].replace("\n *", " ").split())
+    task = json.loads(re.search("task: ({.*}) observation:", shown)[1])
+    assert task["plant"] == told
+    compile_c(tmp_path, header)
+
+
 # ------------------------------------------------------------------------------ ONNX
 
 
@@ -365,7 +381,6 @@ class Formless(NamedTuple):
 
 @pytest.mark.parametrize("ending", [".h", ".onnx"])
 def test_a_policy_without_a_form_is_refused(ending, tmp_path):
-    task = learned_policy(make_case("random-search"), 0, 0, Formless()).task
     with pytest.raises(UprightError, match=r"'mine:Agent'.*cannot be exported.*policy_form\(\)"):
-        export_policy(tmp_path / f"policy{ending}", Policy("mine:Agent", Formless(), task))
+        export_policy(tmp_path / f"policy{ending}", Policy("mine:Agent", Formless(), TaskSpec()))
     assert list(tmp_path.iterdir()) == []

@@ -11,10 +11,10 @@ import time
 
 import numpy as np
 import pytest
-from helpers import PUSHES, FinePlant, make_task, trajectory
+from helpers import PUSHES, FinePlant, make_context, make_task, trajectory
 from matplotlib.image import imread
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
 from upright.plants.gazebo import server
@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.gazebo, pytest.mark.slow]
 STATE = State(0.1, -0.2, 0.03, 0.4)
 ROUGH = Parameters(cart_friction=0.05, pole_friction=0.0002)
 """A hundred times the friction, as in the condition friction-100."""
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-m", "upright"]
 LIMIT = 120
 """Time limit of every process [s]."""
 
@@ -59,7 +59,7 @@ def make():
     def make_one(settings=None, parameters=None):
         task = make_task()
         task = task._replace(parameters=parameters or task.parameters)
-        plant, left = (settings or Gazebo()).make(task, "none", 0, np.zeros(1, np.bool_))
+        plant, left = (settings or Gazebo()).make(make_context(task))
         assert left == task
         made.append(plant)
         return plant

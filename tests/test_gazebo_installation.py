@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from upright.commands.cli import run
+from upright.commands import run
 from upright.errors import UprightError
 from upright.plants.gazebo import installation, installer
 from upright.plants.gazebo.installation import LIBRARY, environment, find_gazebo

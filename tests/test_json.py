@@ -13,10 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from upright.agents import AGENTS
-from upright.agents.parts.policy_form import BLOCK, Layer, Network, Table
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Layer, Network, Table
 from upright.agents.q_learning import QLearning
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import State
+from upright.core.task import TaskSpec
 from upright.errors import UprightError
 from upright.policies.c99 import encode as c_header
 from upright.policies.checks import LONGEST_ERROR
@@ -34,6 +36,7 @@ from upright.support.exit_status import BAD_USE
 COUNT = 5_000
 HARD = {"noise": "all-10", "start": "wide", "condition": "delay-2", "steps": 3000}
 """A task on which trials vary much in length."""
+LESS = {name: value for name, value in LEARNED_ON.items() if name != "noise"}
 HEADER = {"format": JSON_FORMAT, "agent": "q-learning", "task": LEARNED_ON}
 TABLE = HEADER | {
     "form": "table",
@@ -323,7 +326,8 @@ BAD = {
     "start": (changed(TABLE, ["task", "start"], {}), "start is {}; it must be one of random"),
     "steps": (changed(TABLE, ["task", "steps"], 1e5), "steps is 100000.0; it must be a whole"),
     "seed": (changed(TABLE, ["task", "seed"], -1), "seed is -1; it must be a whole number"),
-    "more of a task": (changed(TABLE, ["task", "weather"], 1), "its task must tell noise"),
+    "more of a task": (changed(TABLE, ["task", "weather"], 1), "part of a task is 'weather'"),
+    "less of a task": (changed(TABLE, ["task"], LESS), "its task does not tell noise"),
     "units": (TABLE | {"observation": ["x [cm]"]}, r"it says of observation: \['x \[cm\]'\]"),
     "force": (TABLE | {"force [N]": 1}, r"it says of force \[N\]: 1; it must be 10.0"),
     "time step": (TABLE | {"time step [s]": 0.01}, r"time step \[s\]: 0.01; it must be 0.02"),
@@ -547,13 +551,13 @@ class Told(NamedTuple):
 )
 def test_policies_that_could_not_be_read_are_not_written(form, said, path):
     with pytest.raises(UprightError, match=said):
-        export_policy(path, Policy("mine:Agent", Told(form), LEARNED_ON))
+        export_policy(path, Policy("mine:Agent", Told(form), TaskSpec()))
     assert not path.exists()
 
 
 def test_files_have_one_entry_a_line_and_exact_numbers(path):
     edge, probability = np.float64(0.1) + 0.2, np.nextafter(1 / 3, 1)
     form = Table(((edge,), (), (), ()), (probability, np.float64(-0.0)))
-    export_policy(path, Policy("mine:Agent", Told(form), LEARNED_ON))
+    export_policy(path, Policy("mine:Agent", Told(form), TaskSpec()))
     assert all(line.startswith('  "') for line in path.read_text().splitlines()[1:-1])
     assert load_policy(path, "mine:Agent").form == form

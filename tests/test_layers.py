@@ -100,7 +100,7 @@ def modules_used(path):
 @pytest.mark.parametrize(
     "line",
     [
-        "from upright.commands import cli",
+        "from upright.commands import show",
         "def late():\n    import upright.studies.store",
         "if TYPE_CHECKING:\n    from upright.agents import AGENTS",
         "from upright import plants",

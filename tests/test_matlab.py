@@ -17,11 +17,12 @@ from octave import COMMAND, HAS_COMPILER, MATLAB, octave, octave_numbers
 from octave import matrix as in_octave
 
 from upright.agents import AGENTS
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.cartpole import step
 from upright.core.conditions import NOISES, PUBLISHED_NOISES
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
+from upright.plants.equations import EquationsSettings
 from upright.policies.files import export_policy, load_policy
 from upright.reports.published import SOURCES
 from upright.reports.statistics import Row, summarise_all
@@ -94,7 +95,7 @@ def test_parameters_noises_and_published_figures_are_those_of_the_package():
     """).replace("NaN", "null")
     )
     ours = Parameters()._asdict()
-    assert told["parameters"] == {name: ours[name] for name in ours if name != "integrator"}
+    assert told["parameters"] == ours
     assert tuple(told["names"]) == PUBLISHED_NOISES
     noises = dict(zip(told["noises"]["name"], told["noises"]["noise"], strict=True))
     assert noises.keys() == NOISES.keys()
@@ -342,8 +343,7 @@ def processes_with(text: str) -> list[int]:
 
 def table_of_guesses(store, seed: int) -> "subprocess.Popen[str]":
     """Start a study in a process of its own; return the process once a run has finished."""
-    code = "from upright.commands.cli import main; main()"
-    command = [sys.executable, "-c", code, "matlab", "table"]
+    command = [sys.executable, "-m", "upright", "matlab", "table"]
     # More cases than cores: most of the study is left when the first run has finished.
     command += ["--agents", "random-search", "--noises", "all", "--runs", "100"]
     command += ["--steps", "10000", "--seed", str(seed), "--store", str(store)]
@@ -418,8 +418,14 @@ def test_what_the_twin_cannot_do_is_refused(capsys):
     assert "q-learning, reinforce, random-search" in refusal(capsys, "--agents", "ndp")
     assert "noise is 'storm'" in refusal(capsys, "--noises", "storm")
     assert "4,293" in refusal(capsys, "--seed", "4294")
-    with pytest.raises(UprightError, match="integrator of the MATLAB twin is 'rk4'"):
-        make_case("q-learning", language="MATLAB", integrator="rk4")
+    with pytest.raises(
+        UprightError, match="twin has the published parameters and integrator alone"
+    ):
+        make_case("q-learning", language="MATLAB", plant=EquationsSettings("rk4"))
+    with pytest.raises(
+        UprightError, match="twin has the published parameters and integrator alone"
+    ):
+        make_case("q-learning", language="MATLAB", parameters={"half_length": 1.0})
     with pytest.raises(UprightError, match="language is 'Fortran'; it must be one of"):
         make_case("q-learning", language="Fortran")
 

@@ -21,7 +21,13 @@ OTHERS = (
     replace(PUBLISHED, mirrored=True),
     # Some measurements uncut, and a ring of moves that overflows at once.
     replace(
-        DEFAULT, mirrored=False, kept_moves=7, passes=3, jitter=0.3, x_edges=(), theta_edges=(0.01,)
+        DEFAULT,
+        mirrored=False,
+        replay_size=7,
+        replay_passes=3,
+        jitter=0.3,
+        x_edges=(),
+        theta_edges=(0.01,),
     ),
 )
 TASKS = list(product((DEFAULT, PUBLISHED), NOISES, ("random",), (1, 2**32 - 1))) + list(

@@ -25,7 +25,7 @@ from helpers import (
 from upright.agents import AGENTS
 from upright.core.compiled import is_compiled
 from upright.core.loops import compiled_run
-from upright.core.parameters import Integrator, Parameters, State
+from upright.core.parameters import Parameters, State
 from upright.core.trials import run
 from upright.errors import UprightError
 from upright.plants.equations import equations
@@ -127,7 +127,7 @@ def test_the_angle_counts_turns():
 @pytest.mark.parametrize("x", [2.39, 2.41, 4.5])
 def test_there_is_no_stop_where_a_trial_ends(x):
     start = State(x, 3.0, 0.1, 0.2)
-    plant, exact = Mujoco().plant(), equations(Parameters(integrator=Integrator.RK4))
+    plant, exact = Mujoco().plant(), equations(integrator="rk4")
     assert plant.reset(start) == exact.reset(start)
     for _ in range(3):
         after, expected = plant.step(10.0), exact.step(10.0)
@@ -324,11 +324,11 @@ def test_machine_code_is_found_by_the_next_process(tmp_path):
 import numpy as np
 from upright.agents import AGENTS
 from upright.plants.mujoco import Mujoco
-from helpers import make_task
+from upright.core.task import TaskSpec
 from upright.core.loops import compiled_run
 agent = AGENTS.settings("random-search")["default"].agent(np.random.default_rng(0))
 lengths = np.zeros(20, np.int64)
-compiled_run(agent, Mujoco().plant(), make_task(trials=20), np.random.default_rng(0), lengths,
+compiled_run(agent, Mujoco().plant(), TaskSpec(trials=20).task(), np.random.default_rng(0), lengths,
              np.zeros(1, np.bool_))
 loop = compiled_run._outer.stats
 print(lengths.tolist(), sum(loop.cache_hits.values()), sum(loop.cache_misses.values()))

@@ -177,7 +177,7 @@ def test_one_cycle_descends_the_gradient_of_the_error(part, fallen):
 def test_a_few_steps_by_hand(label):
     """Cycles, thresholds, limits and the learning rate together."""
     settings = replace(SETTINGS[label], learning_rate=0.2, critic_cycles=3, action_cycles=4)
-    settings = replace(settings, weight_limit=settings.weight_limit and 0.99 * settings.spread)
+    settings = replace(settings, weight_limit=settings.weight_limit and 0.99 * settings.init_range)
     rng = np.random.default_rng(6)
     agent = settings.agent(rng)
     agent.begin_trial(rng)
@@ -285,12 +285,12 @@ def test_weights_are_kept_while_trials_get_longer():
 
 
 def test_fresh_weights_are_uniform():
-    agent, rng = make(redraw="always", spread=0.7), np.random.default_rng(10)
+    agent, rng = make(redraw="always", init_range=0.7), np.random.default_rng(10)
     drawn = []
     for _ in range(300):
         agent.begin_trial(rng)
         drawn.append(np.concatenate([layer.ravel() for layer in weights(agent)]))
-    for values in (drawn, [np.concatenate([w.ravel() for w in weights(make(spread=0.7))])]):
+    for values in (drawn, [np.concatenate([w.ravel() for w in weights(make(init_range=0.7))])]):
         assert 0.55 < np.abs(values).max() <= 0.7
     assert np.var(drawn) == pytest.approx(0.7**2 / 3, rel=0.05)
     assert np.abs(np.mean(drawn, axis=0)).max() < 0.12
@@ -314,7 +314,7 @@ def test_fresh_weights_are_uniform():
         ({"action_threshold": math.inf}, "action_threshold is inf;"),
         ({"discount": 1.1}, "discount is 1.1; it must be a number, at least 0 and at most 1"),
         ({"redraw": "often"}, "redraw is 'often'; it must be one of always, never, stalled, unp"),
-        ({"spread": -2.0}, "spread is -2.0;"),
+        ({"init_range": -2.0}, "init_range is -2.0;"),
         ({"weight_limit": -1.0}, "weight_limit is -1.0;"),
         ({"x_scale": 0.0}, "x_scale is 0.0; it must be a number, above 0"),
         ({"theta_dot_scale": "1"}, "theta_dot_scale is '1'; it must be a number, above 0"),

@@ -18,7 +18,7 @@ from upright.studies.playing import case_for, play_trials
 
 FOLDER = Path(__file__).parent / "data/0.1.0"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
 LIMITS = State(2.4, 2.0, 0.2, 2.0)
 
 

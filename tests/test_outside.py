@@ -17,7 +17,7 @@ from numba._dispatcher import compute_fingerprint
 
 from upright.agents import AGENTS
 from upright.agents.custom import CustomAgent, is_learner
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core import loops, trials
 from upright.core.compiled import CACHE_FOLDER, explain
 from upright.core.parameters import State
@@ -309,9 +309,9 @@ def test_an_agent_that_cannot_work_is_refused_in_one_line(text, said, write, tmp
         ("no_such_module_42:A", "there is no module 'no_such_module_42'"),
         ("no_such_package_42.part:A", "there is no module 'no_such_package_42.part'"),
         ("json.no_such_part_42:A", "there is no module 'json.no_such_part_42'"),
-        (":A", "'' is no name of a module"),
-        (".here:A", "'.here' is no name of a module"),
-        ("some/file.py:A", "'some/file.py' is no name of a module"),
+        (":A", "'' is not the name of a module"),
+        (".here:A", "'.here' is not the name of a module"),
+        ("some/file.py:A", "'some/file.py' is not the name of a module"),
         ("json:", "there is no class or function ''"),
         ("json:dumps:x", "there is no class or function 'dumps:x'"),
     ],
@@ -604,7 +604,7 @@ def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_
     agent = f"{write(ENDLESS)}:Climber"
     program = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from upright.commands.cli import main; main()"
+        "from upright.commands import main; main()"
     )
     line = f"table --agents {agent} --noises none --runs 4 --steps 1000000000"
     process = subprocess.Popen(

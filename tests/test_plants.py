@@ -1,9 +1,8 @@
-import numpy as np
 import pytest
-from helpers import make_task
+from helpers import make_context, make_task
 
 from upright.agents import AGENTS
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
 from upright.plants import PLANTS, describe_plant, restore_plant
@@ -23,12 +22,12 @@ HERE = [
     if name not in ELSEWHERE
 ]
 STATE = State(0.1, -0.2, 0.03, 0.4)
-GO_ON = np.zeros(1, np.bool_)
+RK4 = ("--plant-set", "integrator=rk4")
 
 
 @pytest.mark.parametrize("name", HERE)
 def test_every_plant_keeps_the_contract(name):
-    plant, task = PLANTS.default(name).make(make_task(), "none", 0, GO_ON)
+    plant, task = PLANTS.default(name).make(make_context())
     assert task == make_task()
     assert plant.reset(STATE) == STATE
     first = [plant.step(10.0) for _ in range(3)]
@@ -83,13 +82,16 @@ class Uncompiled:
     [
         (
             "--plant jelly",
-            "plant is 'jelly'; it must be one of equations, mujoco, gazebo, gz-sim",
+            "plant is 'jelly'; it must be one of equations, mujoco, gazebo, ros2",
         ),
         ("--plant-set physics_step=1", "setting is 'physics_step'; it must be one of"),
         ("--plant mujoco --plant-set physics_step", "it must be NAME=VALUE"),
         ("--plant mujoco --plant-set physics_step=0.03", "physics_step is 0.03"),
         ("--plant mujoco --plant-set integrator=magic", "integrator is 'magic'"),
-        ("--plant mujoco --integrator rk4", "integrator of other plants is 'rk4'"),
+        (
+            "--plant-set integrator=magic",
+            "integrator is 'magic'; it must be one of euler, semi-implicit, rk4",
+        ),
     ],
 )
 def test_invalid_plants_are_refused(line, message, capsys):
@@ -107,12 +109,12 @@ def test_the_plants_command_explains_settings(capsys):
 @pytest.mark.slow
 def test_a_policy_learned_on_the_equations_plays_in_mujoco(tmp_path, capsys):
     path = str(tmp_path / "policy.npz")
-    assert run(["learn", "adaptive-lqr", "--integrator", "rk4", "--quiet", "--save", path]) == 0
+    assert run(["learn", "adaptive-lqr", *RK4, "--quiet", "--save", path]) == 0
     assert run(["play", path, "--plant", "mujoco", "--episodes", "3", "--steps", "60000"]) == 0
     assert "balanced in 3 of 3 trials" in capsys.readouterr().out
 
 
 def test_conditions_reach_mujoco():
     case = make_case("random-search", condition="friction-100", plant=Mujoco())
-    plant, _ = case.plant.make(case.spec.task(), "none", 0, GO_ON)
+    plant, _ = case.plant.make(make_context(spec=case.spec))
     assert plant.parameters.cart_friction == pytest.approx(100 * Parameters().cart_friction)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pygame
 import pytest
@@ -6,9 +8,12 @@ from PIL import Image
 
 from upright.agents import AGENTS
 from upright.core.parameters import State
+from upright.core.task import TaskSpec
 from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.pictures.picture import HEIGHT, WIDTH
+from upright.plants.equations import EquationsSettings
+from upright.plants.mujoco import Mujoco
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -59,7 +64,7 @@ def test_a_policy_of_a_custom_agent_plays_in_python():
         def push_probability(self, observation):
             return float(super().act(observation, None))
 
-    policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), {})
+    policy = Policy("helpers:LinearAgent", Memory(*GOOD_WEIGHTS), TaskSpec())
     case = make_case("random-search", steps=500)
     assert list(play_trials(policy, case, 2, seed=0)) == [TrialOutcome(500, True)] * 2
 
@@ -108,12 +113,15 @@ def test_every_trial_has_its_own_plant_where_plants_vary(learned):
 
 
 def test_a_policy_plays_its_own_task_except_for_changes():
-    case = make_case("random-search", noise="sensor-5", start="zero", condition="delay-1")
+    names = {"noise": "sensor-5", "start": "zero", "condition": "delay-1"}
+    plant, parameters = EquationsSettings("rk4"), {"half_length": 0.7}
+    case = make_case("random-search", plant=plant, parameters=parameters, **names)
     policy = learned_policy(case, 0, 0, case.settings.agent(None))
     assert case_for(policy) == case
     changed = case_for(policy, noise="none", steps=7)
-    assert (changed.spec.noise, changed.spec.steps) == ("none", 7)
-    assert (changed.start, changed.condition) == ("zero", "delay-1")
+    assert changed.spec == replace(case.spec, noise="none", steps=7)
+    assert changed.plant == plant
+    assert case_for(policy, plant=Mujoco()).plant == Mujoco()
     with pytest.raises(UprightError, match="'loud'"):
         case_for(policy, noise="loud")
 

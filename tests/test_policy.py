@@ -12,9 +12,11 @@ from helpers import LEARNED_ON
 
 from upright.agents import AGENTS
 from upright.agents.reinforce import MOST_KEPT, Reinforce
-from upright.commands.cli import run
+from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
+from upright.plants import describe_plant
+from upright.plants.mujoco import Mujoco
 from upright.policies.files import load_policy, read_header, save_policy
 from upright.policies.npz_file import FORMAT
 from upright.policies.policy import describe
@@ -112,9 +114,12 @@ def test_the_contract_states_the_normalisation_of_the_settings():
 def test_a_policy_names_its_plant_unless_it_is_the_equations(tmp_path):
     path = str(tmp_path / "policy.npz")
     assert run(["learn", "random-search", "--plant", "mujoco", "--quiet", "--save", path]) == 0
-    assert load_policy(path).task == LEARNED_ON | {"steps": 60_000, "plant": "mujoco"}
+    assert load_policy(path).task == LEARNED_ON | {
+        "steps": 60_000,
+        "plant": describe_plant(Mujoco()),
+    }
     assert run(["export", path, str(tmp_path / "policy.json")]) == 0
-    assert load_policy(tmp_path / "policy.json").task["plant"] == "mujoco"
+    assert load_policy(tmp_path / "policy.json").task == load_policy(path).task
     assert run(["play", path, "--steps", "100", "--episodes", "1"]) == 0
 
 
@@ -319,7 +324,28 @@ BAD_FILES = {
     "steps": (change_task(steps=10**12), "steps is"),
     "seed": (change_task(seed="*/"), "seed is"),
     "plant": (change_task(plant="moon"), "plant is 'moon'; it must be one of equations"),
-    "more of a task": (change_task(weather="fair"), "its task must tell noise"),
+    "more of a task": (
+        change_task(weather="fair"),
+        "part of a task is 'weather'; it must be one of noise, .* parameters",
+    ),
+    "less of a task": (
+        change_header(lambda header: header["task"].pop("steps")),
+        "its task does not tell steps",
+    ),
+    "trials": (change_task(trials=0), "trials is 0"),
+    "parameters": (change_task(parameters={"mass": 1.0}), "parameter is 'mass'"),
+    "a parameter": (change_task(parameters={"half_length": "1"}), "half_length is '1'"),
+    "list of parameters": (change_task(parameters=[9.8]), "must map names to numbers"),
+    "list of plants": (change_task(plant=["mujoco"]), "plant is .*mujoco.*; it must tell its name"),
+    "plant's name": (change_task(plant={"integrator": "rk4"}), "plant is ''; it must be one of"),
+    "plant's integrator": (
+        change_task(plant={"name": "equations", "integrator": "magic"}),
+        "integrator is 'magic'; it must be one of euler",
+    ),
+    "more of a plant": (
+        change_task(plant={"name": "equations", "integrator": "euler", "colour": 1}),
+        "'colour' are not those of equations",
+    ),
     # Settings
     "impossible": (change_settings(x_scale=-1), "x_scale is -1; it must be a number, above 0"),
     "endless": (change_settings(x_scale=float("inf")), "x_scale is inf"),

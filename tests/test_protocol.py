@@ -9,6 +9,7 @@ from upright.agents import AGENTS
 from upright.agents.custom import CustomAgent
 from upright.core import trials
 from upright.core.parameters import State
+from upright.core.task import TaskSpec
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.environments.trial_protocol import RunOver, TrialProtocol, run_learner
 from upright.errors import UprightError
@@ -261,7 +262,7 @@ def test_a_run_of_a_learner_is_reported_like_one_of_the_loop():
 
 def test_gymnasium_is_imported_only_where_it_is_needed():
     ended = python(
-        "import sys, upright.commands.cli, upright.studies.study, upright.agents.custom\n"
+        "import sys, upright.commands, upright.studies.study, upright.agents.custom\n"
         "print({'upright.environments.cartpole_env', 'gymnasium'} & set(sys.modules))"
     )
     assert ended.stdout == "set()\n", ended.stderr
@@ -273,7 +274,7 @@ def test_results_counted_by_hand_make_a_table():
         env = TrialProtocol(ScriptedEnv(*ends), steps=7)
         go_on(env)
         results.append(env.result(run))
-    case = Case("elsewhere:mine", "default", CustomAgent("elsewhere:mine"), steps=7)
+    case = Case("elsewhere:mine", "default", CustomAgent("elsewhere:mine"), TaskSpec(steps=7))
     row = summarise(case, 0, results)
     assert (row.runs, row.successes, row.mean_trials) == (2, 2, 2.5)
     assert "elsewhere:mine" in render([row], "text")

@@ -148,16 +148,16 @@ def random_moves(trials):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("kept", [7, 1000])
-@pytest.mark.parametrize("passes", [1, 3])
-def test_replay_goes_backwards_through_the_last_moves(mirrored, kept, passes):
+@pytest.mark.parametrize("replay_passes", [1, 3])
+def test_replay_goes_backwards_through_the_last_moves(mirrored, kept, replay_passes):
     """Against a dictionary of values and a list of moves."""
     settings = QLearning(
         learning_rate=0.2,
         discount=0.95,
-        trace=0.4,
+        trace_decay=0.4,
         mirrored=mirrored,
-        kept_moves=kept,
-        passes=passes,
+        replay_size=kept,
+        replay_passes=replay_passes,
     )
     agent = blank(settings)
     boxes = len(agent.table) // 2
@@ -175,7 +175,7 @@ def test_replay_goes_backwards_through_the_last_moves(mirrored, kept, passes):
         if not fallen:
             continue
         agent.end_trial(True)
-        for _ in range(passes):
+        for _ in range(replay_passes):
             worth = math.nan
             for place, next_box in reversed(moves[-kept:]):
                 if next_box is None:
@@ -213,9 +213,9 @@ def test_first_values_are_as_small_as_the_jitter():
         ({"learning_rate": 1.1}, "learning_rate is 1.1; it must be a number, at least 0 and at mo"),
         ({"learning_rate": math.nan}, "learning_rate is nan;"),
         ({"discount": -0.1}, "discount is -0.1;"),
-        ({"passes": 1.5}, "passes is 1.5; it must be a whole number"),
-        ({"kept_moves": 0}, "kept_moves is 0; it must be a whole number, at least 1"),
-        ({"trace": 2.0}, "trace is 2.0;"),
+        ({"replay_passes": 1.5}, "replay_passes is 1.5; it must be a whole number"),
+        ({"replay_size": 0}, "replay_size is 0; it must be a whole number, at least 1"),
+        ({"trace_decay": 2.0}, "trace_decay is 2.0;"),
         ({"jitter": -1e-9}, "jitter is -1e-09;"),
         ({"x_edges": (1.0, -1.0)}, "x_edges is (1.0, -1.0); its edges must ascend"),
         ({"x_edges": (0.0, 0.0)}, "x_edges is (0.0, 0.0); its edges must ascend"),
@@ -239,7 +239,7 @@ def test_a_whole_number_written_as_a_float_is_refused(name):
 
 def test_published_settings_are_those_of_the_report():
     published = SETTINGS["as-published"]
-    assert (published.learning_rate, published.discount, published.passes) == (0.3, 0.9, 0)
+    assert (published.learning_rate, published.discount, published.replay_passes) == (0.3, 0.9, 0)
     assert not published.mirrored
     assert SETTINGS["default"] == QLearning()
 

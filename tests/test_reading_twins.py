@@ -91,9 +91,9 @@ def test_adaptive_lqr_s_twin_designs_the_same_control_from_few_data():
 @pytest.mark.parametrize(
     ("agent", "names"),
     [
-        ("q-learning", "learning_rate discount trace kept_moves"),
-        ("reinforce", "learning_rate discount episodes kept_steps"),
-        ("adaptive-lqr", "history ridge push_ridge ridge_growth effort horizon exploration"),
+        ("q-learning", "learning_rate discount trace_decay replay_size replay_passes"),
+        ("reinforce", "learning_rate discount episodes kept_steps epochs stride logit_scale"),
+        ("adaptive-lqr", "history ridge push_ridge ridge_growth push_cost horizon learning_steps"),
     ],
 )
 def test_settings_of_a_twin_are_the_defaults(agent, names):

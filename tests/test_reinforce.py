@@ -4,15 +4,15 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from upright.agents.parts.adam import ascend
 from upright.agents.reinforce import (
     BASELINE_MEMORY,
     RIDGE,
     SETTINGS,
     Reinforce,
-    ascend,
     fit_baseline,
     set_advantages,
-    set_gradient,
+    set_policy_gradient,
 )
 from upright.core.parameters import State
 from upright.errors import UprightError
@@ -27,7 +27,7 @@ KEPT = 12
 def filled_agent(**settings):
     """Return an agent that remembers three episodes of random steps."""
     rng = np.random.default_rng(1)
-    settings = {"spread": 0.6, "gain": 3.0} | settings
+    settings = {"init_std": 0.6, "logit_scale": 3.0} | settings
     agent = Reinforce(episodes=3, kept_steps=KEPT, **settings).agent(rng)
     for length in LENGTHS:
         agent.begin_trial(rng)
@@ -66,8 +66,8 @@ def network(weights, inputs):
     return hidden_2 @ weights[160:]
 
 
-def right(agent, weights, inputs):
-    return 1 / (1 + np.exp(-agent.gain * network(weights, inputs)))
+def probability_right(agent, weights, inputs):
+    return 1 / (1 + np.exp(-agent.logit_scale * network(weights, inputs)))
 
 
 def features(inputs):
@@ -82,7 +82,7 @@ def test_the_policy_is_the_network():
     agent, rng = filled_agent(), np.random.default_rng(2)
     for _ in range(20):
         seen = agent.scales * rng.normal(size=4)
-        expected = right(agent, agent.adam.weights, seen / agent.scales)
+        expected = probability_right(agent, agent.adam.weights, seen / agent.scales)
         assert agent.push_probability(State(*seen.tolist())) == pytest.approx(expected, rel=1e-12)
 
 
@@ -97,7 +97,7 @@ def test_pushes_are_sampled_with_the_policy_s_probability():
 
 def test_first_weights_spread_as_set():
     weights = np.array(
-        [Reinforce(spread=0.6).agent(np.random.default_rng(i)).adam.weights for i in range(200)]
+        [Reinforce(init_std=0.6).agent(np.random.default_rng(i)).adam.weights for i in range(200)]
     )
     for layer, fan_in in ((weights[:, :32], 4), (weights[:, 32:160], 8), (weights[:, 160:], 16)):
         assert layer.std() == pytest.approx(0.6 / math.sqrt(fan_in), rel=0.05)
@@ -139,7 +139,7 @@ def test_a_step_is_remembered_with_the_probability_of_its_push():
     pushes = set()
     for episode in remembered(agent):
         for inputs, action, probability, _ in episode:
-            to_the_right = right(agent, agent.adam.weights, inputs)
+            to_the_right = probability_right(agent, agent.adam.weights, inputs)
             pushes.add(bool(action))
             assert probability == pytest.approx(to_the_right if action else 1 - to_the_right)
     assert pushes == {True, False}
@@ -213,13 +213,13 @@ def test_the_baseline_is_a_ridge_regression_that_forgets():
 def importances(agent):
     for episode in remembered(agent):
         for inputs, action, then, _ in episode:
-            now = right(agent, agent.adam.weights, inputs)
+            now = probability_right(agent, agent.adam.weights, inputs)
             yield min(1.0, (now if action else 1 - now) / then)
 
 
 def test_the_gradient_is_that_of_the_weighted_log_probabilities():
     """Finite differences of a sum in NumPy, the importance of each step held."""
-    agent, rng = filled_agent(thinning=1), np.random.default_rng(10)
+    agent, rng = filled_agent(stride=1), np.random.default_rng(10)
     agent.episodes.advantages[:] = rng.normal(size=(3, KEPT))
     agent.adam.weights[:] += 0.3 * rng.normal(size=176)  # so that the policy is another one now
     steps = [step for episode in remembered(agent) for step in episode]
@@ -230,12 +230,12 @@ def test_the_gradient_is_that_of_the_weighted_log_probabilities():
     def objective(weights):
         total = 0.0
         for (inputs, action, _, place), importance in zip(steps, held, strict=True):
-            to_the_right = right(agent, weights, inputs)
+            to_the_right = probability_right(agent, weights, inputs)
             log_probability = np.log(to_the_right if action else 1 - to_the_right)
             total += importance * agent.episodes.advantages[place] * log_probability
         return total / len(steps)
 
-    set_gradient(agent, 0)
+    set_policy_gradient(agent, 0)
     differences = np.zeros(176)
     for i in range(176):
         shift = np.zeros(176)
@@ -246,18 +246,18 @@ def test_the_gradient_is_that_of_the_weighted_log_probabilities():
     assert agent.adam.gradient == pytest.approx(differences, rel=1e-5, abs=1e-8)
 
 
-def test_thinned_gradients_together_make_the_whole_one():
+def test_gradients_of_every_third_step_together_make_the_whole_one():
     parts, counts = [], []
     for first in range(3):
-        agent = filled_agent(thinning=3)
+        agent = filled_agent(stride=3)
         agent.episodes.advantages[:] = np.random.default_rng(12).normal(size=(3, KEPT))
-        set_gradient(agent, first)
+        set_policy_gradient(agent, first)
         parts.append(agent.adam.gradient.copy())
         lengths = np.minimum(agent.episodes.lengths, KEPT)
         counts.append(sum(len(range(first, length, 3)) for length in lengths))
-    whole = filled_agent(thinning=1)
+    whole = filled_agent(stride=1)
     whole.episodes.advantages[:] = np.random.default_rng(12).normal(size=(3, KEPT))
-    set_gradient(whole, 0)
+    set_policy_gradient(whole, 0)
     assert np.average(parts, 0, counts) == pytest.approx(whole.adam.gradient, rel=1e-9, abs=1e-12)
     assert not np.allclose(parts[0], parts[1])
 
@@ -271,15 +271,15 @@ def test_importance_is_the_ratio_of_probabilities_and_at_most_one(factor, import
         agent = filled_agent()
         agent.episodes.advantages[:] = 1.0
         agent.episodes.probabilities[:] *= each
-        set_gradient(agent, 0)
+        set_policy_gradient(agent, 0)
         gradients.append(agent.adam.gradient.copy())
     assert np.abs(gradients[0]).max() > 1e-3
     assert gradients[1] == pytest.approx(importance * gradients[0], rel=1e-9, abs=1e-15)
 
 
-@pytest.mark.parametrize("decay", [0.0, 0.01])
-def test_ascend_is_adam_with_decay(decay):
-    settings = {"learning_rate": 0.02, "momentum": 0.9, "square_memory": 0.99, "decay": decay}
+@pytest.mark.parametrize("weight_decay", [0.0, 0.01])
+def test_ascend_is_adam_with_weight_decay(weight_decay):
+    settings = {"learning_rate": 0.02, "beta1": 0.9, "beta2": 0.99, "weight_decay": weight_decay}
     agent, rng = filled_agent(**settings), np.random.default_rng(11)
     weights, mean, square = agent.adam.weights.copy(), 0.0, 0.0
     for t in range(1, 8):
@@ -289,12 +289,12 @@ def test_ascend_is_adam_with_decay(decay):
         mean = 0.9 * mean + 0.1 * gradient
         square = 0.99 * square + 0.01 * gradient**2
         step = (mean / (1 - 0.9**t)) / (np.sqrt(square / (1 - 0.99**t)) + 1e-8)
-        weights = (1 - decay) * (weights + 0.02 * step)
+        weights = (1 - weight_decay) * (weights + 0.02 * step)
         assert agent.adam.weights == pytest.approx(weights, rel=1e-10, abs=1e-13)
 
 
-def test_an_update_makes_as_many_passes_as_set():
-    agent = filled_agent(passes=4)
+def test_an_update_makes_as_many_steps_of_adam_as_it_has_epochs():
+    agent = filled_agent(epochs=4)
     agent.end_trial(True)
     assert agent.adam.steps[0] == 4
 
@@ -321,12 +321,12 @@ def test_a_success_changes_nothing():
         ({"baseline": "none"}, "baseline is 'none'; it must be one of mean, fitted"),
         ({"episodes": 0}, "episodes is 0; it must be a whole number, at least 1"),
         ({"kept_steps": 2.5}, "kept_steps is 2.5; it must be a whole number"),
-        ({"passes": -1}, "passes is -1;"),
-        ({"momentum": 1.0}, "momentum is 1.0;"),
-        ({"square_memory": 1.0}, "square_memory is 1.0;"),
-        ({"decay": -0.1}, "decay is -0.1;"),
-        ({"spread": -1.0}, "spread is -1.0; it must be a number, at least 0"),
-        ({"gain": 0.0}, "gain is 0.0;"),
+        ({"epochs": -1}, "epochs is -1;"),
+        ({"beta1": 1.0}, "beta1 is 1.0;"),
+        ({"beta2": 1.0}, "beta2 is 1.0;"),
+        ({"weight_decay": -0.1}, "weight_decay is -0.1;"),
+        ({"init_std": -1.0}, "init_std is -1.0; it must be a number, at least 0"),
+        ({"logit_scale": 0.0}, "logit_scale is 0.0;"),
         ({"theta_scale": 0.0}, "theta_scale is 0.0;"),
         ({"x_scale": "1"}, "x_scale is '1'; it must be a number"),
     ],

@@ -55,7 +55,7 @@ Figures = dict[str, Any]
 
 # ---- How the package is asked: only here, and in the imports -------------------------------------
 
-COMMAND = [sys.executable, "-c", "from upright.commands.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
 
 
 def case_of(agent: str, label: str = "default", integrator: str = "", **task: Any) -> Any:

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from upright.core.parameters import Parameters
 from upright.errors import UprightError
+from upright.plants.equations import EquationsSettings
 from upright.studies.case import Case, make_case
 from upright.studies.fingerprint import fingerprint
 from upright.studies.random_streams import random_numbers
@@ -173,23 +175,32 @@ def test_an_error_in_a_run_reaches_the_caller():
 # ------------------------------------------------------------------------------ keys and bad values
 
 
+def change(case, **parts):
+    """Return a case with another agent, another integrator, or other parts of its task."""
+    agent, integrator = parts.pop("agent", case.agent), parts.pop("integrator", "euler")
+    spec = replace(case.spec, **parts)
+    return replace(case, agent=agent, spec=spec, plant=EquationsSettings(integrator))
+
+
 def test_a_key_holds_everything_that_determines_a_run():
     case = CASES[0]
     changed = [
-        replace(case, noise="sensor-5"),
-        replace(case, start="zero"),
-        replace(case, steps=501),
-        replace(case, trials=41),
-        replace(case, integrator="rk4"),
+        change(case, noise="sensor-5"),
+        change(case, start="zero"),
+        change(case, condition="delay-1"),
+        change(case, steps=501),
+        change(case, trials=41),
+        change(case, parameters=Parameters(half_length=0.6)),
+        change(case, integrator="rk4"),
         replace(case, settings=replace(case.settings, x_scale=1.0)),
     ]
-    assert len({case.key, *(each.key for each in changed)}) == 7
+    assert len({case.key, *(each.key for each in changed)}) == 9
     assert replace(case).key == case.key
     assert json.loads(case.key)["rule"] == fingerprint("random-search", "equations")
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("parts", "message"),
     [
         ({"agent": "sarsa"}, "agent is 'sarsa'; it must be one of adaptive-lqr, reinforce"),
         ({"noise": "loud"}, "noise is 'loud'; it must be one of none"),
@@ -202,18 +213,18 @@ def test_a_key_holds_everything_that_determines_a_run():
     ],
     ids=str,
 )
-def test_a_case_that_cannot_be_run_is_refused(change, message):
+def test_a_case_that_cannot_be_run_is_refused(parts, message):
     with pytest.raises(UprightError) as error:
-        replace(CASES[0], **change)
+        change(CASES[0], **parts)
     assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize("name", ["steps", "trials"])
 def test_a_whole_number_written_as_a_float_is_refused(name):
     """Accepted, it would break the run, or give the same case another key."""
-    number = float(getattr(CASES[0], name))
+    number = float(getattr(CASES[0].spec, name))
     with pytest.raises(UprightError, match=f"^{name} is {number}; it must be a whole number"):
-        replace(CASES[0], **{name: number})
+        change(CASES[0], **{name: number})
 
 
 @pytest.mark.parametrize(

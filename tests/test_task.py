@@ -1,3 +1,4 @@
+import json
 import math
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from upright.core.conditions import CONDITIONS, NOISES, STARTS
 from upright.core.loops import compiled_run
 from upright.core.noise import draw_start, measure
 from upright.core.parameters import Parameters, State
-from upright.core.task import Task, draw_plant
+from upright.core.task import Task, TaskSpec, draw_plant
 from upright.core.trials import delay, run, trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
@@ -94,6 +95,115 @@ def test_an_unknown_condition_is_refused():
 def test_a_condition_is_another_case():
     cases = [make_case("random-search", condition=name) for name in CONDITIONS]
     assert len({case.key for case in cases}) == len(CONDITIONS)
+
+
+# ------------------------------------------------------------------------------ as data
+
+ODD = {
+    "noise": "all-10",
+    "start": "wide",
+    "condition": "delay-2",
+    "steps": 7,
+    "trials": 9,
+    "parameters": {"half_length": 0.7, "gravity": 1.62},
+}
+"""A task of which nothing is usual."""
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"noise": "loud"}, "noise is 'loud'; it must be one of none, "),
+        ({"noise": None}, "noise is None; it must be one of none, "),
+        ({"start": "low"}, "start is 'low'; it must be one of random, zero, wide"),
+        ({"condition": "windy"}, "condition is 'windy'; it must be one of nominal, "),
+        ({"steps": 0}, "steps is 0; it must be a whole number, at least 1"),
+        ({"steps": 10**9 + 1}, "steps is 1000000001; it must be a whole number"),
+        ({"steps": True}, "steps is True; it must be a whole number"),
+        ({"trials": 0}, "trials is 0; it must be a whole number, at least 1"),
+        ({"trials": 10**6 + 1}, "trials is 1000001; it must be a whole number"),
+        ({"trials": 2.0}, "trials is 2.0; it must be a whole number"),
+        ({"parameters": Parameters(pole_mass=0.0)}, "pole_mass is 0.0; it must be a number, above"),
+        ({"parameters": Parameters(cart_friction=-1.0)}, "cart_friction is -1.0; it must be"),
+    ],
+    ids=str,
+)
+def test_a_task_that_cannot_be_is_refused_by_name(parts, message):
+    for make in (TaskSpec, lambda **named: TaskSpec.from_data(named)):
+        with pytest.raises(UprightError) as error:
+            make(**parts)
+        assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"weather": "fair"}, "part of a task is 'weather'; it must be one of noise, start, "),
+        ({"parameters": {"mass": 1.0}}, "parameter is 'mass'; it must be one of gravity, "),
+        ({"parameters": {"half_length": 0}}, "half_length is 0; it must be a number, above 0"),
+        ({"parameters": {"gravity": math.nan}}, "gravity is nan; it must be a number"),
+        ({"parameters": {"gravity": "9.8"}}, "gravity is '9.8'; it must be a number"),
+        ({"parameters": [9.8]}, "parameters is [9.8]; it must map names to numbers"),
+        ({"parameters": None}, "parameters is None; it must map names to numbers"),
+    ],
+    ids=str,
+)
+def test_data_that_are_no_task_are_refused_by_name(parts, message):
+    with pytest.raises(UprightError) as error:
+        TaskSpec.from_data(parts)
+    assert str(error.value).startswith(message)
+
+
+def test_a_task_is_read_back_from_its_data():
+    spec = TaskSpec.from_data(ODD)
+    assert spec.as_data() == ODD
+    assert TaskSpec.from_data(json.loads(json.dumps(spec.as_data()))) == spec
+    assert spec.parameters == Parameters(half_length=0.7, gravity=1.62)
+    for name in ODD:  # every part counts, and is the usual one where it is not named
+        one = TaskSpec.from_data({name: ODD[name]})
+        assert one.as_data() == TaskSpec().as_data() | {name: ODD[name]}
+        assert one != TaskSpec()
+    assert TaskSpec.from_data({}) == TaskSpec()
+    assert TaskSpec().as_data()["parameters"] == {}
+
+
+def test_reading_changes_no_data():
+    data = {"steps": 7, "parameters": {"half_length": 1}}
+    TaskSpec.from_data(data)
+    assert data == {"steps": 7, "parameters": {"half_length": 1}}
+
+
+def test_parameters_are_floats():
+    """Compiled code tells a float from a whole number, and a key 1 from 1.0."""
+    parameters = {"half_length": 1, "gravity": 0}
+    for spec in (
+        TaskSpec.from_data({"parameters": parameters}),
+        TaskSpec.from_data({"parameters": Parameters(**parameters)}),
+        TaskSpec(parameters=Parameters(**parameters)),
+        make_case("random-search", parameters=parameters).spec,
+    ):
+        assert {type(value) for value in spec.parameters} == {float}
+        assert {type(value) for value in spec.task().parameters} == {float}
+        assert spec.as_data()["parameters"] == {"gravity": 0.0, "half_length": 1.0}
+        assert json.dumps(spec.as_data()["parameters"]) == '{"gravity": 0.0, "half_length": 1.0}'
+    assert make_case("random-search", parameters={"half_length": 0.5}) == make_case("random-search")
+
+
+def test_a_task_has_the_numbers_of_its_names():
+    task = TaskSpec.from_data(ODD | {"condition": "friction-100"}).task()
+    assert task == Task(
+        parameters=Parameters(
+            half_length=0.7,
+            gravity=1.62,
+            cart_friction=100 * NOMINAL.cart_friction,
+            pole_friction=100 * NOMINAL.pole_friction,
+        ),
+        noise=NOISES["all-10"],
+        start=STARTS["wide"],
+        steps=7,
+        trials=9,
+    )
+    assert TaskSpec.from_data({"parameters": {"time_step": 0.01}}).time_step == 0.01
 
 
 # ------------------------------------------------------------------------------ delay
@@ -238,7 +348,8 @@ def test_a_run_is_made_with_its_own_plant_and_the_stream_it_always_had():
         learned, result = make_run(case, 7, number)
         assert result.lengths.tolist() == lengths[lengths > 0].tolist()
         assert learned.weights.tolist() == agent.weights.tolist()
-        nominal = make_run(replace(case, condition="nominal"), 7, number)[1]
+        calm = replace(case, spec=replace(case.spec, condition="nominal"))
+        nominal = make_run(calm, 7, number)[1]
         assert nominal.lengths.tolist() != result.lengths.tolist()
 
 

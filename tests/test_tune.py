@@ -19,7 +19,7 @@ from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
 from upright.agents.random_search import RandomSearch
 from upright.agents.reinforce import Reinforce
-from upright.commands.cli import run
+from upright.commands import run
 from upright.errors import UprightError, require
 from upright.studies import tuning
 from upright.studies.case import make_case
@@ -73,11 +73,11 @@ def space(settings, *names, fixed=()):
 
 
 def test_numbers_are_searched_around_their_values_on_a_logarithmic_scale():
-    found = space(QLearning(learning_rate=0.02, kept_moves=2000, trace=0.15))
+    found = space(QLearning(learning_rate=0.02, replay_size=2000, trace_decay=0.15))
     assert found["learning_rate"][2:] == (pytest.approx(0.002), pytest.approx(0.2), "float")
-    assert found["kept_moves"][2:] == (500, 8000, "int")
+    assert found["replay_size"][2:] == (500, 8000, "int")
     assert found["learning_rate"].distribution().log
-    assert found["kept_moves"].distribution().log
+    assert found["replay_size"].distribution().log
 
 
 def test_a_fraction_near_one_is_searched_by_its_distance_from_one():
@@ -91,16 +91,16 @@ def test_a_fraction_near_one_is_searched_by_its_distance_from_one():
 
 def test_a_range_ends_where_the_settings_refuse():
     assert space(QLearning(learning_rate=0.3))["learning_rate"].high == pytest.approx(1)
-    assert space(Reinforce(momentum=0.4))["momentum"].high == pytest.approx(0.999999)
-    assert space(QLearning(passes=2))["passes"][2:4] == (1, 8)
-    assert space(QLearning(passes=400))["passes"][2:4] == (100, 1000)
-    assert space(Reinforce(decay=0.0))["decay"][2:4] == (0, pytest.approx(0.999999))
+    assert space(Reinforce(beta1=0.4))["beta1"].high == pytest.approx(0.999999)
+    assert space(QLearning(replay_passes=2))["replay_passes"][2:4] == (1, 8)
+    assert space(QLearning(replay_passes=400))["replay_passes"][2:4] == (100, 1000)
+    assert space(Reinforce(weight_decay=0.0))["weight_decay"][2:4] == (0, pytest.approx(0.999999))
 
 
 def test_settings_without_a_range_are_left_alone():
     assert not [name for name in space(QLearning()) if name.endswith("edges")]
     assert "jitter" not in space(QLearning(jitter=0.0))
-    assert "passes" not in space(QLearning(passes=0))
+    assert "replay_passes" not in space(QLearning(replay_passes=0))
 
 
 def test_choices_are_searched_where_they_are_allowed():
@@ -122,14 +122,15 @@ def test_every_agent_can_be_searched_and_both_ends_of_a_range_are_allowed(agent,
 
 
 def test_names_and_limits_narrow_the_space():
-    found = space(QLearning(), "learning-rate", "discount=0.9:0.999", "passes=1:3", "trace=0:0.5")
-    assert list(found) == ["learning_rate", "discount", "passes", "trace"]
+    limited = ("discount=0.9:0.999", "replay_passes=1:3", "trace_decay=0:0.5")
+    found = space(QLearning(), "learning-rate", *limited)
+    assert list(found) == ["learning_rate", "discount", "replay_passes", "trace_decay"]
     assert found["discount"] == Range(
         "discount", (), pytest.approx(0.001), pytest.approx(0.1), "gap"
     )
-    assert found["passes"][2:] == (1, 3, "int")
-    assert found["trace"][2:] == (0, 0.5, "float")
-    assert "trace" not in space(QLearning(), fixed=["trace"])
+    assert found["replay_passes"][2:] == (1, 3, "int")
+    assert found["trace_decay"][2:] == (0, 0.5, "float")
+    assert "trace_decay" not in space(QLearning(), fixed=["trace_decay"])
 
 
 @pytest.mark.parametrize(
@@ -142,13 +143,13 @@ def test_names_and_limits_narrow_the_space():
         ("discount=0.9:0.8", "search is 'discount=0.9:0.8'; it must be a number from LOW"),
         ("mirrored=0:1", "search is 'mirrored=0:1'; it must be a number"),
         ("discount=0.9:1.5", "discount is 1.5; it must be a number, at least 0 and at most 1"),
-        ("trace", "search is 'trace'; the same setting is fixed"),
+        ("trace_decay", "search is 'trace_decay'; the same setting is fixed"),
     ],
     ids=str,
 )
 def test_what_cannot_be_searched_is_refused(text, message):
     with pytest.raises(UprightError) as error:
-        search_space(QLearning(), [text], fixed=["trace"])
+        search_space(QLearning(), [text], fixed=["trace_decay"])
     assert str(error.value).startswith(message)
 
 
@@ -410,13 +411,13 @@ def test_help_has_examples_and_does_not_import_optuna(capsys):
         run(["tune", "--help"])
     shown = capsys.readouterr().out
     assert "examples:\n  upright tune q-learning" in shown
-    code = "import sys; from upright.commands.cli import run\ntry: run(['tune', '--help'])\n"
+    code = "import sys; from upright.commands import run\ntry: run(['tune', '--help'])\n"
     code += "except SystemExit: print({'optuna', 'numpy', 'numba'} & set(sys.modules))"
     assert python(code).stdout.endswith("set()\n")
 
 
 def test_without_optuna_one_line_says_how_to_get_it():
-    code = "import sys; sys.modules['optuna'] = None\nfrom upright.commands.cli import run\n"
+    code = "import sys; sys.modules['optuna'] = None\nfrom upright.commands import run\n"
     ended = python(code + "raise SystemExit(run(['tune', 'q-learning']))")
     assert ended.returncode == BAD_USE
     command = "pip install 'optuna>=4.0' (the extra 'tune' of upright)"
@@ -435,8 +436,7 @@ def candidates_kept(path) -> Iterator[int]:
 
 @pytest.mark.slow
 def test_an_interrupt_says_how_to_go_on(tmp_path):
-    program = "from upright.commands.cli import main; main()"
-    command = [sys.executable, "-c", program, *LINE.split(), "--candidates", "100000"]
+    command = [sys.executable, "-m", "upright", *LINE.split(), "--candidates", "100000"]
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"TERM": "dumb"}
     ) as process:

@@ -10,7 +10,7 @@ noise, delayed pushes and missing velocities. M is found by least squares with a
 then taken for the truth (K. Åström, B. Wittenmark, *On self tuning regulators*, 1973): with
 z' = A z + b u, the Riccati recursion (R. Kalman, 1960)
 
-    V ← Q + Aᵀ V A - Aᵀ V b (effort + bᵀ V b)⁻¹ bᵀ V A,    K = (effort + bᵀ V b)⁻¹ bᵀ V A
+    V ← Q + Aᵀ V A - Aᵀ V b (R + bᵀ V b)⁻¹ bᵀ V A,    K = (R + bᵀ V b)⁻¹ bᵀ V A
 
 gives the best linear control u = -K z, and the agent pushes to the side that it says.
 """
@@ -25,10 +25,10 @@ RIDGE = 1e-4  # weight of the prior belief that a measurement stays what it is, 
 PUSH_RIDGE = 1e-3  # the same for the columns of M that pushes meet
 RIDGE_GROWTH = 2.0  # how much firmer the belief is for each step further back
 COSTS = (0.3, 0.05, 10.0, 0.5)  # Q: cost of the squares of x, x_dot, theta, theta_dot
-EFFORT = 0.1  # cost of the square of a push
+PUSH_COST = 0.1  # R: cost of the square of a push
 HORIZON = 50  # the costs of this many steps are minimised
 EXPLORATION = 0.015  # probability of a random push while learning
-SETTLED = 2_000  # after this many steps of a trial it neither explores nor learns
+LEARNING_STEPS = 2_000  # after this many steps of a trial it neither explores nor learns
 KEPT_SAMPLES = 200.0  # after a fall, the data count as at most this many samples
 REFIT = 1.02  # fit the model again when the data have grown by this factor
 
@@ -100,7 +100,7 @@ class AdaptiveLQR:
         Q[:4, :4] = np.diag(COSTS)
         V = Q
         for _ in range(HORIZON):
-            self.K = b @ V @ A / (EFFORT + b @ V @ b)
+            self.K = b @ V @ A / (PUSH_COST + b @ V @ b)
             V = Q + A.T @ V @ A - np.outer(A.T @ V @ b, self.K)
         self.refit_at = REFIT * self.samples
 
@@ -135,13 +135,13 @@ def trial_lengths(rng, steps=60_000, trials=1_000):
         while t < steps and not fallen:
             # Act: push as the control says, or at random: rarely, or when it does not know
             wanted = -agent.K @ z
-            explores = t < SETTLED and rng.random() < EXPLORATION
+            explores = t < LEARNING_STEPS and rng.random() < EXPLORATION
             right = rng.random() < 0.5 if explores or wanted == 0.0 else wanted > 0.0
             state, fallen = step(state, FORCE if right else -FORCE)
             # Learn, until the model has proved itself
             r = np.array([1.0 if right else -1.0, *z])
             o, o_old = np.array(state), o
-            if t < SETTLED:
+            if t < LEARNING_STEPS:
                 agent.learn(r, o - o_old)
             z = np.concatenate([o, r[:-5]])
             t += 1

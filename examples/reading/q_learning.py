@@ -21,9 +21,9 @@ import numpy as np
 
 LEARNING_RATE = 0.08  # α: how far a value moves towards its target
 DISCOUNT = 0.99  # γ: how much less a fall counts for each move that it lies ahead
-TRACE = 0.15  # λ: how much of the value given to the next move passes on to the one before
-EPOCHS = 2  # passes through the kept moves after a fall
-KEPT_MOVES = 2_000  # only this many last moves are kept
+TRACE_DECAY = 0.15  # λ: how much of the value given to the next move passes on to the one before
+REPLAY_PASSES = 2  # passes through the kept moves after a fall
+REPLAY_SIZE = 2_000  # only this many last moves are kept
 INIT_WIDTH = 1e-6  # width of the random first values, which breaks ties
 EDGES = (  # where each measurement is cut
     (-1.6, 1.6),  # x: position of the cart [m]
@@ -99,7 +99,7 @@ def replay(Q, moves):
             G = -1.0
         else:
             best = max(Q[place(next_box, False)], Q[place(next_box, True)])
-            G = (1 - TRACE) * (DISCOUNT * best) + TRACE * DISCOUNT * G
+            G = (1 - TRACE_DECAY) * (DISCOUNT * best) + TRACE_DECAY * DISCOUNT * G
         Q[index] += LEARNING_RATE * (G - Q[index])
 
 
@@ -109,7 +109,7 @@ def replay(Q, moves):
 def trial_lengths(rng, steps=60_000, trials=1_000):
     """Yield the length of trial after trial, up to the first that lasts for `steps`."""
     Q = (INIT_WIDTH * (rng.random(VALUES) - 0.5)).tolist()
-    moves = deque(maxlen=KEPT_MOVES)
+    moves = deque(maxlen=REPLAY_SIZE)
     for _ in range(trials):
         state = tuple(0.05 * (2.0 * rng.random() - 1.0) for _ in range(4))  # uniform in ±0.05
         box, t, fallen = find_box(state), 0, False
@@ -125,7 +125,7 @@ def trial_lengths(rng, steps=60_000, trials=1_000):
         yield t
         if not fallen:
             return
-        for _ in range(EPOCHS):
+        for _ in range(REPLAY_PASSES):
             replay(Q, moves)
 
 

@@ -40,7 +40,7 @@ function result = q_learning(varargin)
     places = upright.internal.table_places(s);         % of each box: push left, push right
     table = s.jitter * (draw(numel(places)) - 0.5);
     FALL = 0;                                          % stands for the box that a fall leads to
-    moves = zeros(s.kept_moves, 2);                    % where the table has it, box it led to
+    moves = zeros(s.replay_size, 2);                   % where the table has it, box it led to
     moved = 0;                                         % how many moves there were: it is a ring
 
     lengths = [];
@@ -66,17 +66,17 @@ function result = q_learning(varargin)
             if ~fallen
                 next = upright.internal.find_box(boxes, observation);
             end
-            if s.passes == 0
+            if s.replay_passes == 0
                 change(places(box, 1 + right), one_step_value(next));
             elseif next ~= box
-                moves(1 + mod(moved, s.kept_moves), :) = [places(box, 1 + right), next];
+                moves(1 + mod(moved, s.replay_size), :) = [places(box, 1 + right), next];
                 moved = moved + 1;
             end
             box = next;
             watched = upright.internal.watch(chosen, numel(lengths) + 1, step, state, force, fallen);
         end
         if fallen
-            for pass = 1:s.passes
+            for pass = 1:s.replay_passes
                 replay();
             end
         end
@@ -105,13 +105,13 @@ function result = q_learning(varargin)
         % Learn from the kept moves, the newest first; part of what the next move was worth is
         % passed on to the one before.
         value = 0;
-        for k = moved - 1:-1:max(0, moved - s.kept_moves)
-            move = moves(1 + mod(k, s.kept_moves), :);
+        for k = moved - 1:-1:max(0, moved - s.replay_size)
+            move = moves(1 + mod(k, s.replay_size), :);
             one_step = one_step_value(move(2));
             if move(2) == FALL
                 value = one_step;
             else
-                value = (1 - s.trace) * one_step + s.trace * s.discount * value;
+                value = (1 - s.trace_decay) * one_step + s.trace_decay * s.discount * value;
             end
             change(move(1), value);
         end

@@ -40,7 +40,7 @@ function result = reinforce(varargin)
         while step < task.steps && ~fallen && watched
             % Act: sample a push.
             input = observation ./ scales;
-            probability = upright.internal.evaluate_network(memory.weights, s.gain, input);
+            probability = upright.internal.evaluate_network(memory.weights, s.logit_scale, input);
             right = draw(1) < probability;
             force = upright.disturb(task.noise, p.force * (2 * right - 1), draw);
             state = upright.step(p, state, force);
@@ -74,4 +74,4 @@ end
 %! assert (result.lengths(end), 500);
 %! again = upright.reinforce ('steps', 500, 'seed', 1);
 %! assert (again.lengths, result.lengths);
-%!error <gain is 0> upright.reinforce ('settings', setfield (upright.settings ('reinforce'), 'gain', 0))
+%!error <logit_scale is 0> upright.reinforce ('settings', setfield (upright.settings ('reinforce'), 'logit_scale', 0))

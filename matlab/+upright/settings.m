@@ -27,9 +27,9 @@ function s = q_learning(as_published)
     s = struct( ...
         'learning_rate', 0.08, ...     % alpha: how far a value moves towards the new one
         'discount', 0.99, ...          % gamma: how much less a fall counts a move ahead
-        'passes', 2, ...               % over the kept moves after a fall; 0: learn at every step
-        'kept_moves', 2000, ...        % how many of the last moves between boxes are kept
-        'trace', 0.15, ...             % lambda: how much of the next move's value passes on
+        'replay_passes', 2, ...        % over the kept moves after a fall; 0: learn at every step
+        'replay_size', 2000, ...       % how many of the last moves between boxes are kept
+        'trace_decay', 0.15, ...       % lambda: how much of the next move's value passes on
         'mirrored', true, ...          % whether a box and its mirror image share their values
         'jitter', 1e-6, ...            % width of the random first values, which breaks ties
         'x_edges', [-1.6 1.6], ...                                           % [m]
@@ -39,9 +39,9 @@ function s = q_learning(as_published)
     if as_published
         s.learning_rate = 0.3;
         s.discount = 0.9;
-        s.passes = 0;
-        s.kept_moves = 1;
-        s.trace = 0;
+        s.replay_passes = 0;
+        s.replay_size = 1;
+        s.trace_decay = 0;
         s.mirrored = false;
         s.x_edges = [-0.8 0.8];        % the 162 boxes of Barto, Sutton & Anderson (1983)
         s.x_dot_edges = [-0.5 0.5];
@@ -57,13 +57,13 @@ function s = reinforce(as_published)
         'baseline', 'fitted', ...      % returns are compared with their 'mean', or a regression
         'episodes', 8, ...             % how many of the last episodes an update learns from
         'kept_steps', 1000, ...        % only this many last steps of an episode are kept
-        'passes', 12, ...              % steps of Adam in one update
-        'thinning', 3, ...             % each step of Adam uses every n-th kept step
-        'momentum', 0.5, ...           % Adam's beta 1
-        'square_memory', 0.97, ...     % Adam's beta 2
-        'decay', 0.01, ...             % fraction of each weight lost in a step of Adam
-        'spread', 0.6, ...             % of the first weights, times the root of the inputs' number
-        'gain', 3, ...                 % from the last sum to the log-odds of a push to the right
+        'epochs', 12, ...              % steps of Adam in one update
+        'stride', 3, ...               % each step of Adam uses every n-th kept step
+        'beta1', 0.5, ...              % Adam's beta 1
+        'beta2', 0.97, ...             % Adam's beta 2
+        'weight_decay', 0.01, ...      % fraction of each weight lost in a step of Adam
+        'init_std', 0.6, ...           % of the first weights, times the root of the inputs' number
+        'logit_scale', 3, ...          % from the last sum to the log-odds of a push to the right
         'x_scale', 3.6, ...            % what counts as one unit of input [m]
         'x_dot_scale', 2.2, ...        % [m/s]
         'theta_scale', 6 * (pi / 180), ...   % [rad]
@@ -74,13 +74,13 @@ function s = reinforce(as_published)
         s.baseline = 'mean';
         s.episodes = 1;
         s.kept_steps = 60000;
-        s.passes = 1;
-        s.thinning = 1;
-        s.momentum = 0.9;
-        s.square_memory = 0.999;
-        s.decay = 0;
-        s.spread = 1;
-        s.gain = 1;
+        s.epochs = 1;
+        s.stride = 1;
+        s.beta1 = 0.9;
+        s.beta2 = 0.999;
+        s.weight_decay = 0;
+        s.init_std = 1;
+        s.logit_scale = 1;
         s.x_scale = 1;
         s.x_dot_scale = 1;
         s.theta_scale = 1;

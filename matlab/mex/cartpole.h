@@ -145,7 +145,7 @@ typedef struct {
     const double *edges[4]; /* of the boxes, along x, x_dot, theta, theta_dot */
     int64_t edge_counts[4];
     int64_t *move_entries, *move_boxes; /* a ring of the last moves */
-    int64_t kept_moves, moves; /* room in the ring; how many there have been */
+    int64_t replay_size, moves; /* room in the ring; how many there have been */
     bool mirrored; /* whether a box and its mirror image share their values */
 } QMemory;
 
@@ -181,7 +181,7 @@ static inline bool right_is_better(const QMemory *m, int64_t box)
 /* Keep a move from one box to another, or to the fall, in place of the oldest. */
 static inline void keep_move(QMemory *m, int64_t box, bool action, int64_t next_box)
 {
-    int64_t row = m->moves % m->kept_moves;
+    int64_t row = m->moves % m->replay_size;
     m->move_entries[row] = entry(m, box, action);
     m->move_boxes[row] = next_box;
     m->moves++;

@@ -43,8 +43,8 @@ typedef struct {
 
 typedef struct {
     QMemory memory;
-    double learning_rate, discount, trace, jitter;
-    int64_t passes; /* over the kept moves after a fall; 0 learns at every step instead */
+    double learning_rate, discount, trace_decay, jitter;
+    int64_t replay_passes; /* over the kept moves after a fall; 0 learns at every step instead */
 } Learner;
 
 static inline double best_value(const QMemory *m, int64_t box)
@@ -69,7 +69,7 @@ static inline void change(Learner *l, int64_t place, double value)
 /* Learn from a move, or keep it until the pole has fallen. */
 static inline void learn(Learner *l, int64_t box, bool action, int64_t next_box)
 {
-    if (l->passes == 0)
+    if (l->replay_passes == 0)
         change(l, entry(&l->memory, box, action), target(l, next_box));
     else if (next_box != box)
         keep_move(&l->memory, box, action, next_box);
@@ -79,17 +79,17 @@ static inline void learn(Learner *l, int64_t box, bool action, int64_t next_box)
 static void replay(Learner *l)
 {
     const QMemory *m = &l->memory;
-    int64_t kept = m->moves < m->kept_moves ? m->moves : m->kept_moves;
-    int64_t row = m->moves % m->kept_moves;
+    int64_t kept = m->moves < m->replay_size ? m->moves : m->replay_size;
+    int64_t row = m->moves % m->replay_size;
     double value = 0.0;
     for (int64_t i = 0; i < kept; i++) {
-        row = (row > 0 ? row : m->kept_moves) - 1;
+        row = (row > 0 ? row : m->replay_size) - 1;
         int64_t next_box = m->move_boxes[row];
         double one_step = target(l, next_box);
         if (next_box == FALL)
             value = one_step;
         else
-            value = (1.0 - l->trace) * one_step + l->trace * l->discount * value;
+            value = (1.0 - l->trace_decay) * one_step + l->trace_decay * l->discount * value;
         change(l, m->move_entries[row], value);
     }
 }
@@ -116,7 +116,7 @@ static int64_t trial(Learner *learner, const Task *task, Twister *twister, bool 
         box = next_box;
         count++;
     }
-    for (int64_t i = 0; fallen && i < l.passes; i++)
+    for (int64_t i = 0; fallen && i < l.replay_passes; i++)
         replay(&l);
     *learner = l;
     *balanced = !fallen;
@@ -275,10 +275,10 @@ static Learner read_settings(const mxArray *settings)
     QMemory *m = &l.memory;
     l.learning_rate = read_setting(settings, "learning_rate", 0.0, 1.0, ANY);
     l.discount = read_setting(settings, "discount", 0.0, 1.0, ANY);
-    l.passes = (int64_t)read_setting(settings, "passes", 0.0, 1000.0, WHOLE);
-    l.trace = read_setting(settings, "trace", 0.0, 1.0, ANY);
+    l.replay_passes = (int64_t)read_setting(settings, "replay_passes", 0.0, 1000.0, WHOLE);
+    l.trace_decay = read_setting(settings, "trace_decay", 0.0, 1.0, ANY);
     l.jitter = read_setting(settings, "jitter", 0.0, DBL_MAX, ANY);
-    m->kept_moves = (int64_t)read_setting(settings, "kept_moves", 1.0, MOST_KEPT_MOVES, WHOLE);
+    m->replay_size = (int64_t)read_setting(settings, "replay_size", 1.0, MOST_KEPT_MOVES, WHOLE);
     m->mirrored = read_setting(settings, "mirrored", 0.0, 1.0, WHOLE) > 0.0;
     int64_t boxes = 1;
     for (int i = 0; i < 4; i++) {
@@ -326,8 +326,8 @@ void mexFunction(int output_count, mxArray *outputs[], int input_count, const mx
 
     QMemory *m = &learner.memory;
     m->table = mxMalloc((size_t)m->table_length * sizeof *m->table);
-    m->move_entries = mxMalloc((size_t)m->kept_moves * sizeof *m->move_entries);
-    m->move_boxes = mxMalloc((size_t)m->kept_moves * sizeof *m->move_boxes);
+    m->move_entries = mxMalloc((size_t)m->replay_size * sizeof *m->move_entries);
+    m->move_boxes = mxMalloc((size_t)m->replay_size * sizeof *m->move_boxes);
     double *lengths = mxMalloc((size_t)task.trials * sizeof *lengths);
     bool balanced;
     int64_t count = run(&learner, &task, &twister, lengths, &balanced);

@@ -1,6 +1,6 @@
 """The command `upright`, as ``python -m upright``."""
 
-from upright.commands.cli import main
+from upright.commands import main
 
 if __name__ == "__main__":
     main()

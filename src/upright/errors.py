@@ -54,10 +54,34 @@ def require(
 
 
 def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
-    """Raise UprightError unless `value` is one of the allowed names."""
+    """Raise UprightError unless `value` is one of the allowed names; suggest the nearest."""
     allowed = list(allowed)
     if value not in allowed:
-        raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}")
+        hint = did_you_mean(value, allowed)
+        raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}{hint}")
+
+
+def did_you_mean(value: object, allowed: Iterable[str]) -> str:
+    """Return the end of an error about an unknown name: the nearest allowed one, if one is near.
+
+    Upper and lower case are the same here, and so are hyphen and underscore; the hyphens that begin
+    an option do not count.
+
+    Examples
+    --------
+    >>> did_you_mean("gausian-0.1", ["none", "gaussian-0.1"])
+    "; did you mean 'gaussian-0.1'?"
+    >>> did_you_mean("loud", ["none", "gaussian-0.1"])
+    ''
+    """
+    from difflib import get_close_matches
+
+    def plain(name: object) -> str:
+        return str(name).lower().replace("_", "-").lstrip("-")
+
+    names = {plain(name): name for name in allowed}
+    found = get_close_matches(plain(value), names, 1)
+    return f"; did you mean {names[found[0]]!r}?" if found else ""
 
 
 def require_module(name: str, need: str, extra: str) -> Any:

@@ -23,9 +23,9 @@ function check_q_learning(s)
     check = @upright.internal.require;
     check('learning_rate', s.learning_rate, 0, 1);
     check('discount', s.discount, 0, 1);
-    check('passes', s.passes, 0, 1000, 'whole');
-    check('kept_moves', s.kept_moves, 1, 1e7, 'whole');
-    check('trace', s.trace, 0, 1);
+    check('replay_passes', s.replay_passes, 0, 1000, 'whole');
+    check('replay_size', s.replay_size, 1, 1e7, 'whole');
+    check('trace_decay', s.trace_decay, 0, 1);
     check('mirrored', s.mirrored, 0, 1, 'whole');
     check('jitter', s.jitter, 0, Inf);
     boxes = 1;
@@ -50,15 +50,15 @@ function check_reinforce(s)
     check('learning_rate', s.learning_rate, 0, Inf, 'above');
     check('discount', s.discount, 0, 1);
     upright.internal.require_one_of('baseline', s.baseline, {'mean', 'fitted'});
-    for name = {'episodes', 'kept_steps', 'passes', 'thinning'}
+    for name = {'episodes', 'kept_steps', 'epochs', 'stride'}
         check(name{1}, s.(name{1}), 1, 1e6, 'whole');
     end
     check('episodes * kept_steps', s.episodes * s.kept_steps, 1, 5e6);
-    for name = {'momentum', 'square_memory', 'decay'}
+    for name = {'beta1', 'beta2', 'weight_decay'}
         check(name{1}, s.(name{1}), 0, 0.999999);
     end
-    check('spread', s.spread, 0, Inf);
-    check('gain', s.gain, 0, Inf, 'above');
+    check('init_std', s.init_std, 0, Inf);
+    check('logit_scale', s.logit_scale, 0, Inf, 'above');
     check_scales(s);
 end
 

@@ -9,7 +9,7 @@ function memory = new_network(s, uniform)
 %
 %   See also upright.internal.policy_gradient.
     inputs = [4 * ones(1, 32), 8 * ones(1, 128), 16 * ones(1, 16)];
-    row = s.spread * sqrt(3 ./ inputs) .* (2 * uniform - 1);
+    row = s.init_std * sqrt(3 ./ inputs) .* (2 * uniform - 1);
     weights = {reshape(row(1:32), 8, 4)', reshape(row(33:160), 16, 8)', row(161:176)'};
     features = 11;
     memory = struct( ...

@@ -14,13 +14,13 @@ function learners = q_learners(s, count, random)
     table = [s.jitter * (random((1:count)', entries)' - 0.5); zeros(1, count)];
     FALL = 0;                                          % stands for the box that a fall leads to
     box = zeros(count, 1);                             % in which each run is
-    move_places = zeros(s.kept_moves, count);          % where the table has a move: a ring
-    move_boxes = zeros(s.kept_moves, count);           % the box it led to
+    move_places = zeros(s.replay_size, count);         % where the table has a move: a ring
+    move_boxes = zeros(s.replay_size, count);          % the box it led to
     moved = zeros(count, 1);                           % how many moves there were
 
     learners = struct('begin_trial', @begin_trial, 'act', @act, 'learn', @learn, ...
         'end_trial', @end_trial, 'policy', @policy, 'forget', @forget, ...
-        'patience', 500 * (s.passes > 0));
+        'patience', 500 * (s.replay_passes > 0));
 
     function begin_trial(runs, observation)
         box(runs) = upright.internal.find_box(boxes, observation);
@@ -37,7 +37,7 @@ function learners = q_learners(s, count, random)
         next = upright.internal.find_box(boxes, observation);
         next(fallen) = FALL;
         box(runs) = next;
-        if s.passes == 0
+        if s.replay_passes == 0
             offset = (runs - 1) * rows_of_table;
             change(places(before + to_right * right) + offset, one_step_value(next, offset));
             return
@@ -47,14 +47,14 @@ function learners = q_learners(s, count, random)
             runs = runs(moves);
             now = moved(runs);
             moved(runs) = now + 1;
-            rows = mod(now, s.kept_moves) + 1 + (runs - 1) * s.kept_moves;
+            rows = mod(now, s.replay_size) + 1 + (runs - 1) * s.replay_size;
             move_places(rows) = places(before(moves) + to_right * right(moves));
             move_boxes(rows) = next(moves);
         end
     end
 
     function end_trial(runs)
-        if s.passes > 0
+        if s.replay_passes > 0
             replay(runs);
         end
     end
@@ -87,9 +87,9 @@ function learners = q_learners(s, count, random)
         % Go through the kept moves backwards, those of all runs at once, a column for each move.
         % All that can be known before any value changes is looked up first. A run with fewer moves
         % than others spends the rest of the time on an entry of the table that nobody reads.
-        kept = min(moved(runs), s.kept_moves);
+        kept = min(moved(runs), s.replay_size);
         back = 1:max(kept);
-        rows = mod(moved(runs) - back, s.kept_moves) + 1 + (runs - 1) * s.kept_moves;
+        rows = mod(moved(runs) - back, s.replay_size) + 1 + (runs - 1) * s.replay_size;
         next = reshape(move_boxes(rows), size(rows));
         fell = next == FALL;
         next(fell) = 1;                                % any box
@@ -104,9 +104,9 @@ function learners = q_learners(s, count, random)
         place = place + offset;
         some_fell = any(fell, 1);
 
-        keep = 1 - s.trace;
-        pass_on = s.trace * s.discount;
-        for pass = 1:s.passes
+        keep = 1 - s.trace_decay;
+        pass_on = s.trace_decay * s.discount;
+        for pass = 1:s.replay_passes
             value = zeros(numel(runs), 1);
             for k = back
                 best = max(table(left(:, k)), table(right(:, k)));

@@ -44,7 +44,7 @@ function learners = reinforcers(s, count, random)
             hidden_2 = hidden_2 + hidden(:, k) .* layer_2{k};
         end
         hidden_2 = upright.internal.isrlu(hidden_2);
-        probability = 1 ./ (1 + exp(-s.gain * sum(hidden_2 .* layer_3, 2)));
+        probability = 1 ./ (1 + exp(-s.logit_scale * sum(hidden_2 .* layer_3, 2)));
         right = random(runs, 1) < probability;
 
         now = steps(runs);

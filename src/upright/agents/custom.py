@@ -1,9 +1,9 @@
-"""Agents from outside the package, named `module:name`.
+"""Custom agents, named `module:name`.
 
 The name stands for anything that, called with the run's random numbers, returns an agent: a class
 whose constructor takes them, or a function. The agent may be plain Python, which is slow, or a
-NamedTuple with methods under `upright.compiled.compiled`, which is as fast as the package's own. Or
-it is a learner that only knows Gymnasium.
+NamedTuple with methods under `upright.compiled`, which is as fast as the package's own. Or it is a
+learner that only knows Gymnasium.
 """
 
 import inspect
@@ -30,7 +30,7 @@ METHODS = {
         ("end_trial", "(fallen)"),
     )
 }
-"""What every agent has; `agents/agent.py` says more."""
+"""What every agent has; `upright.core.contracts.Agent` says more."""
 
 
 def is_learner(agent: object) -> bool:
@@ -40,9 +40,10 @@ def is_learner(agent: object) -> bool:
 
 @dataclass(frozen=True)
 class CustomAgent:
-    """Stands in for the settings of an agent from outside, which are its own affair.
+    """The settings of a custom agent: its name alone. Whatever else it needs is its own affair.
 
-    The agent is looked for when it is needed, not before: what is known of its runs outlives it.
+    The agent is imported when it is needed, not before, so that its stored runs can be shown when
+    its code is gone.
     """
 
     agent_name: str
@@ -54,7 +55,8 @@ class CustomAgent:
         Raises
         ------
         UprightError
-            If there is none of this name, it does not take `rng`, or it lacks a method.
+            If there is no agent of this name, it cannot be made from `rng` alone, or it lacks a
+            method.
         """
         make = self._make()
         try:
@@ -75,9 +77,9 @@ class CustomAgent:
         return agent
 
     def summary(self) -> str:
-        """Return the first line of what the agent says of itself; empty if it says nothing."""
-        made_by = self._make()
-        return (inspect.getdoc(made_by) or self._module().__doc__ or "").partition("\n")[0]
+        """Return the first line of the agent's docstring, or of its module's; empty without one."""
+        make = self._make()
+        return (inspect.getdoc(make) or self._module().__doc__ or "").partition("\n")[0]
 
     def source(self) -> Path:
         """Return the file of the module that the agent is found in."""
@@ -97,10 +99,12 @@ class CustomAgent:
         return make  # type: ignore[no-any-return]
 
     def _module(self) -> ModuleType:
-        """Return the module, looked for in the present folder too, as Python itself does."""
+        """Return the module, which may also be in the present folder, as for Python itself."""
         name = self.agent_name.partition(":")[0]
         if not all(part.isidentifier() for part in name.split(".")):
-            raise UprightError(f"agent is {self.agent_name!r}; {name!r} is no name of a module")
+            raise UprightError(
+                f"agent is {self.agent_name!r}; {name!r} is not the name of a module"
+            )
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
         try:
@@ -108,7 +112,7 @@ class CustomAgent:
         except (ImportError, SyntaxError) as error:
             if _is_missing(name, error):
                 why = f"there is no module {name!r} in this folder or where Python looks"
-            else:  # the module is there, but not all that it needs, or it is no Python
+            else:  # the module is there, but not all that it needs, or it is not Python
                 why = f"its module cannot be imported: {error}"
             raise UprightError(f"agent is {self.agent_name!r}; {why}") from error
 

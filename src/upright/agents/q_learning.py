@@ -5,13 +5,13 @@ The four measurements are cut into boxes; a table holds, for each box and push, 
 says, and each move from box b to box b' under push a changes the table (C. Watkins, P. Dayan,
 *Q-learning*, Machine Learning 8, 1992; the report's equation (2)):
 
-    Q(b, a) ← (1 - α) Q(b, a) + α (r + γ max_a' Q(b', a')),    r = -1 at the fall, else 0.
+    Q(b, a) ← Q(b, a) + α (r + γ max_a' Q(b', a') - Q(b, a)),    r = -1 at the fall, else 0.
 
 As published, that happens at every time step. The tuned settings instead keep the moves from one
-box to another and learn when the pole has fallen: the last moves are gone through backwards, the
-newest first, so that news of the fall travels along the whole way that led there (L.-J. Lin,
-*Self-improving reactive agents*, Machine Learning 8, 1992). What a move is worth is then mixed with
-the worth G of the move after it:
+box to another and learn when the pole has fallen: the last moves are replayed backwards, the newest
+first, so that news of the fall travels along the whole way that led there (L.-J. Lin,
+*Self-improving reactive agents*, Machine Learning 8, 1992). The return of a move is then mixed with
+the return G of the move after it:
 
     G ← -1 at a fall, else γ ((1 - λ) max_a' Q(b', a') + λ G),
     Q(b, a) ← Q(b, a) + α (G - Q(b, a)).
@@ -22,7 +22,7 @@ values, pushes exchanged.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,127 @@ FALL = -1
 """Stands for the box that a fall leads to."""
 
 
+class QLearningAgent(NamedTuple):
+    """What the agent carries from step to step and from trial to trial."""
+
+    table: np.ndarray
+    """Q, at the place that `entry` gives for a box and a push."""
+    boxes: Boxes
+    mirrored: bool
+    move_entries: np.ndarray
+    """Of each kept move, the place in the table of its box and push; a ring."""
+    move_boxes: np.ndarray
+    """Of each kept move, the box that it led to, or FALL."""
+    moves: np.ndarray
+    """How many moves there have been, shape (1,)."""
+    learning_rate: float
+    discount: float
+    trace_decay: float
+    replay_passes: int
+
+    @compiled
+    def push_probability(self, observation):
+        """Return 1 where the policy pushes to the right, else 0."""
+        return 1.0 if right_is_better(self, find_box(self.boxes, observation)) else 0.0
+
+    @compiled
+    def begin_trial(self, rng):
+        """Nothing to do: the table and the kept moves carry over."""
+
+    @compiled
+    def act(self, observation, rng):
+        """Push as the better value says."""
+        return right_is_better(self, find_box(self.boxes, observation))
+
+    @compiled
+    def learn(self, before, action, after, fallen):
+        """Learn from a move, or keep it until the pole has fallen."""
+        box = find_box(self.boxes, before)
+        next_box = FALL if fallen else find_box(self.boxes, after)
+        if self.replay_passes == 0:
+            learn_at_once(self, entry(self, box, action), next_box)
+        elif next_box != box:
+            keep_move(self, entry(self, box, action), next_box)
+
+    @compiled
+    def end_trial(self, fallen):
+        """Learn from the kept moves after a fall."""
+        if fallen:
+            for _ in range(self.replay_passes):
+                replay(self)
+
+    def policy_form(self):
+        """Return the policy as data."""
+        return tabulate(self.boxes, self.push_probability)
+
+
+# ---- The table -----------------------------------------------------------------------------------
+
+
+@compiled
+def entry(agent, box, action):
+    """Return the place of a box and a push in the table, the same for their mirror image."""
+    place = 2 * box + (1 if action else 0)
+    return min(place, len(agent.table) - 1 - place) if agent.mirrored else place
+
+
+@compiled
+def right_is_better(agent, box):
+    """Return whether the table prefers a push to the right; of equals the left one is taken."""
+    return agent.table[entry(agent, box, True)] > agent.table[entry(agent, box, False)]
+
+
+@compiled
+def best_value(agent, box):
+    """Return max_a Q(b, a), the value of the better push in a box."""
+    return max(agent.table[entry(agent, box, False)], agent.table[entry(agent, box, True)])
+
+
+# ---- As published: learn at every step -----------------------------------------------------------
+
+
+@compiled
+def learn_at_once(agent, place, next_box):
+    """Change the value of a box and a push by the move that they led to."""
+    # Q(b, a) ← Q(b, a) + α (r + γ max_a' Q(b', a') - Q(b, a))
+    target = -1.0 if next_box == FALL else agent.discount * best_value(agent, next_box)
+    agent.table[place] += agent.learning_rate * (target - agent.table[place])
+
+
+# ---- Tuned: replay after a fall ------------------------------------------------------------------
+
+
+@compiled
+def keep_move(agent, place, next_box):
+    """Keep a move, in place of the oldest if there is no more room."""
+    row = agent.moves[0] % len(agent.move_boxes)
+    agent.move_entries[row] = place
+    agent.move_boxes[row] = next_box
+    agent.moves[0] += 1
+
+
+@compiled
+def replay(agent):
+    """Learn from the kept moves, the newest first."""
+    discount, trace_decay = agent.discount, agent.trace_decay
+    move_return = 0.0
+    count = agent.moves[0]
+    for move in range(count - 1, max(0, count - len(agent.move_boxes)) - 1, -1):
+        row = move % len(agent.move_boxes)
+        place, next_box = agent.move_entries[row], agent.move_boxes[row]
+        # G ← -1 at a fall, else γ ((1 - λ) max_a' Q(b', a') + λ G)
+        if next_box == FALL:
+            move_return = -1.0
+        else:
+            one_step = discount * best_value(agent, next_box)
+            move_return = (1.0 - trace_decay) * one_step + trace_decay * discount * move_return
+        # Q(b, a) ← Q(b, a) + α (G - Q(b, a))
+        agent.table[place] += agent.learning_rate * (move_return - agent.table[place])
+
+
+# ---- Settings ------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class QLearning:
     """Settings of Q-learning."""
@@ -50,12 +171,12 @@ class QLearning:
     """α: how far a value moves towards the new one."""
     discount: float = 0.99
     """γ: how much less a fall counts for each move that it lies ahead."""
-    passes: int = 2
-    """How often the kept moves are gone through after a fall; 0 learns at every step instead."""
-    kept_moves: int = 2000
+    replay_passes: int = 2
+    """How often the kept moves are replayed after a fall; 0 learns at every step instead."""
+    replay_size: int = 2000
     """How many of the last moves from box to box are kept."""
-    trace: float = 0.15
-    """λ: how much of the value given to the next move passes on to the one before."""
+    trace_decay: float = 0.15
+    """λ: how much of the return of a move passes on to the move before it."""
     mirrored: bool = True
     """Whether a box and its mirror image share their values."""
     jitter: float = 1e-6
@@ -69,30 +190,36 @@ class QLearning:
     theta_dot_edges: tuple[float, ...] = degrees(-50, -30, -12, 0, 12, 30, 50)
     """Edges along the pole's angular velocity [rad/s]."""
 
+    RENAMED: ClassVar = {
+        "passes": "replay_passes",
+        "kept_moves": "replay_size",
+        "trace": "trace_decay",
+    }
+
     def __post_init__(self) -> None:
         """Refuse impossible settings."""
         require("learning_rate", self.learning_rate, 0, 1)
         require("discount", self.discount, 0, 1)
-        require("passes", self.passes, 0, 1000, whole=True)
-        require("kept_moves", self.kept_moves, 1, 10**7, whole=True)
-        require("trace", self.trace, 0, 1)
+        require("replay_passes", self.replay_passes, 0, 1000, whole=True)
+        require("replay_size", self.replay_size, 1, 10**7, whole=True)
+        require("trace_decay", self.trace_decay, 0, 1)
         require("jitter", self.jitter, 0)
         check_edges(self)
 
-    def agent(self, rng: np.random.Generator) -> "Memory":
+    def agent(self, rng: np.random.Generator) -> QLearningAgent:
         """Return a new agent with a blank table."""
         boxes = make_boxes(self)
-        return Memory(
+        return QLearningAgent(
             table=self.jitter * (rng.random(2 * math.prod(boxes.parts)) - 0.5),
             boxes=boxes,
             mirrored=self.mirrored,
-            move_entries=np.zeros(self.kept_moves, np.int64),
-            move_boxes=np.zeros(self.kept_moves, np.int64),
+            move_entries=np.zeros(self.replay_size, np.int64),
+            move_boxes=np.zeros(self.replay_size, np.int64),
             moves=np.zeros(1, np.int64),
             learning_rate=self.learning_rate,
             discount=self.discount,
-            trace=self.trace,
-            passes=self.passes,
+            trace_decay=self.trace_decay,
+            replay_passes=self.replay_passes,
         )
 
 
@@ -101,116 +228,12 @@ SETTINGS = {
     "as-published": QLearning(
         learning_rate=0.3,
         discount=0.9,
-        passes=0,
-        kept_moves=1,
-        trace=0.0,
+        replay_passes=0,
+        replay_size=1,
+        trace_decay=0.0,
         mirrored=False,
         **BARTO_SUTTON_ANDERSON,
     ),
 }
 """As published: the report's α and γ. It leaves the boxes open; these are the 162 of Barto, Sutton
 & Anderson (1983), learned at every step, greedily, from values near zero."""
-
-
-class Memory(NamedTuple):
-    """What the agent carries from step to step and from trial to trial."""
-
-    table: np.ndarray
-    """Values, at the place that `entry` gives for a box and a push."""
-    boxes: Boxes
-    mirrored: bool
-    move_entries: np.ndarray
-    """Of each kept move, the place in the table of its box and push; a ring."""
-    move_boxes: np.ndarray
-    """Of each kept move, the box it led to, or FALL."""
-    moves: np.ndarray
-    """How many moves there have been."""
-    learning_rate: float
-    discount: float
-    trace: float
-    passes: int
-
-    @compiled
-    def push_probability(self, observation):
-        """Return 1 where the policy pushes to the right, else 0."""
-        return 1.0 if right_is_better(self, find_box(self.boxes, observation)) else 0.0
-
-    @compiled
-    def begin_trial(self, rng):
-        """Nothing is to be done: the table and the moves are kept."""
-
-    @compiled
-    def act(self, observation, rng):
-        """Push as the better value says."""
-        return right_is_better(self, find_box(self.boxes, observation))
-
-    @compiled
-    def learn(self, before, action, after, fallen):
-        """Learn from a move, or keep it until the pole has fallen."""
-        box = find_box(self.boxes, before)
-        next_box = FALL if fallen else find_box(self.boxes, after)
-        if self.passes == 0:
-            change(self, entry(self, box, action), target(self, next_box))
-        elif next_box != box:
-            row = self.moves[0] % len(self.move_boxes)
-            self.move_entries[row] = entry(self, box, action)
-            self.move_boxes[row] = next_box
-            self.moves[0] += 1
-
-    @compiled
-    def end_trial(self, fallen):
-        """Go through the kept moves backwards after a fall."""
-        if fallen:
-            for _ in range(self.passes):
-                replay(self)
-
-    def policy_form(self):
-        """Return the policy as data."""
-        return tabulate(self.boxes, self.push_probability)
-
-
-@compiled
-def right_is_better(memory, box):
-    """Return whether the table prefers a push to the right; of equals the left one is taken."""
-    return memory.table[entry(memory, box, True)] > memory.table[entry(memory, box, False)]
-
-
-@compiled
-def entry(memory, box, action):
-    """Return the place of a box and a push in the table, the same for their mirror image."""
-    place = 2 * box + (1 if action else 0)
-    return min(place, len(memory.table) - 1 - place) if memory.mirrored else place
-
-
-@compiled
-def best_value(memory, box):
-    """Return the value of the better push in a box."""
-    return max(memory.table[entry(memory, box, False)], memory.table[entry(memory, box, True)])
-
-
-@compiled
-def target(memory, next_box):
-    """Return what a move was worth: the reward and the discounted value of where it led."""
-    return -1.0 if next_box == FALL else memory.discount * best_value(memory, next_box)
-
-
-@compiled
-def change(memory, place, value):
-    """Move a value of the table towards a new one."""
-    memory.table[place] += memory.learning_rate * (value - memory.table[place])
-
-
-@compiled
-def replay(memory):
-    """Learn from the kept moves, the newest first."""
-    value = 0.0
-    count = memory.moves[0]
-    for move in range(count - 1, max(0, count - len(memory.move_boxes)) - 1, -1):
-        row = move % len(memory.move_boxes)
-        next_box = memory.move_boxes[row]
-        one_step = target(memory, next_box)
-        if next_box == FALL:
-            value = one_step
-        else:
-            value = (1.0 - memory.trace) * one_step + memory.trace * memory.discount * value
-        change(memory, memory.move_entries[row], value)

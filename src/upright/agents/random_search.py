@@ -13,41 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.agents.parts import policy_form
+from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled
-from upright.errors import require
 
 
-@dataclass(frozen=True)
-class RandomSearch:
-    """Settings of random search."""
-
-    x_scale: float = 2.4
-    """Cart position that counts as one unit of input [m]."""
-    x_dot_scale: float = 1.5
-    """Cart velocity that counts as one unit of input [m/s]."""
-    theta_scale: float = math.radians(6)
-    """Pole angle that counts as one unit of input [rad]."""
-    theta_dot_scale: float = 0.5
-    """Angular velocity that counts as one unit of input [rad/s]."""
-
-    def __post_init__(self) -> None:
-        """Refuse impossible settings."""
-        for name in ("x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale"):
-            require(name, getattr(self, name), 0, above=True)
-
-    def agent(self, rng: np.random.Generator) -> "Memory":
-        """Return a new agent."""
-        scales = (self.x_scale, self.x_dot_scale, self.theta_scale, self.theta_dot_scale)
-        return Memory(weights=np.zeros(4), scales=np.array(scales))
-
-
-SETTINGS = {"default": RandomSearch()}
-
-
-class Memory(NamedTuple):
+class RandomSearchAgent(NamedTuple):
     """The one policy in use."""
 
     weights: np.ndarray
+    """w, shape (4,)."""
     scales: np.ndarray
 
     @compiled
@@ -66,7 +40,7 @@ class Memory(NamedTuple):
 
     @compiled
     def act(self, observation, rng):
-        """Push to the side the policy says."""
+        """Push to the side that the policy says."""
         return self.push_probability(observation) > 0.5
 
     @compiled
@@ -80,3 +54,28 @@ class Memory(NamedTuple):
     def policy_form(self):
         """Return the policy as data."""
         return policy_form.Network((policy_form.Layer(self.weights[:, np.newaxis], "above zero"),))
+
+
+@dataclass(frozen=True)
+class RandomSearch:
+    """Settings of random search."""
+
+    x_scale: float = 2.4
+    """Cart position that counts as one unit of input [m]."""
+    x_dot_scale: float = 1.5
+    """Cart velocity that counts as one unit of input [m/s]."""
+    theta_scale: float = math.radians(6)
+    """Pole angle that counts as one unit of input [rad]."""
+    theta_dot_scale: float = 0.5
+    """Angular velocity that counts as one unit of input [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible settings."""
+        check_scales(self)
+
+    def agent(self, rng: np.random.Generator) -> RandomSearchAgent:
+        """Return a new agent; it draws its first policy when a trial begins."""
+        return RandomSearchAgent(weights=np.zeros(4), scales=scales_of(self))
+
+
+SETTINGS = {"default": RandomSearch()}

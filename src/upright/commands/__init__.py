@@ -1,4 +1,103 @@
-"""The `upright` command.
+"""The `upright` command: one command a file, and the options that several share.
 
+The file of a command has a docstring, whose first line is its summary; EXAMPLES, the end of its
+help; `add_options(parser)`; and `run(options)`, which imports what the work needs and returns the
+exit status. A command with others below it is a folder whose `__init__.py` has SUBCOMMANDS instead.
 May import everything.
 """
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import NoReturn
+
+from upright import __version__
+from upright.commands.parser import Parser
+from upright.support.exit_status import INTERRUPTED, exit_status
+from upright.support.registry import Registry
+from upright.support.settings import Fields
+
+COMMANDS: Registry[Fields] = Registry(
+    "command",
+    {
+        "learn": "upright.commands.learn",
+        "play": "upright.commands.play",
+        "table": "upright.commands.table",
+        "reproduce": "upright.commands.reproduce",
+        "leaderboard": "upright.commands.leaderboard",
+        "robust": "upright.commands.robust",
+        "show": "upright.commands.show",
+        "plot": "upright.commands.plot",
+        "export": "upright.commands.export",
+        "agents": "upright.commands.agents",
+        "plants": "upright.commands.plants",
+        "tune": "upright.commands.tune",
+        "matlab": "upright.commands.matlab",
+        "ros2": "upright.commands.ros2",
+        "gazebo": "upright.commands.gazebo",
+        "completion": "upright.commands.completion",
+    },
+)
+"""Every command, in the order of the help, and its module."""
+
+EXAMPLES = """\
+examples:
+  upright learn reinforce                      watch one run learn, trial by trial
+  upright play results/reinforce.npz --window  watch a trained policy
+  upright table --agents reinforce,random-search --runs 20
+                                               a study: success rate and mean trials
+  upright reproduce                            the published tables again, with pictures
+  upright leaderboard                          all agents, ranked, on the published cases
+  upright show results/runs.sqlite             the table of a store of runs
+  upright plot policy results/reinforce.npz    a picture of a trained policy
+  upright export policy.npz policy.h           the same in C, for a microcontroller
+  upright tune q-learning                      search for better settings
+  upright matlab table                         Q-learning in MATLAB code, run by Octave
+`upright COMMAND --help` describes each.
+"""
+
+
+def main() -> NoReturn:
+    """Run the command of this process and end with its status."""
+    status = run(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if status == INTERRUPTED:
+        os._exit(status)  # a thread may still be compiling, which nothing can interrupt
+    sys.exit(status)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out a command line and return the exit status."""
+
+    def work() -> int:
+        asked = arguments[0] if arguments else ""
+        if asked in COMMANDS:
+            parser = make_parser({asked: COMMANDS[asked]})
+        else:
+            parser = make_parser(listed_only=not any(word in COMMANDS for word in arguments))
+        options = parser.parse(arguments)
+        status: int = options.command(options)
+        return status
+
+    return exit_status(work)
+
+
+def make_parser(modules: Mapping[str, str] = COMMANDS, *, listed_only: bool = False) -> Parser:
+    """Return the parser of the `upright` command.
+
+    Parameters
+    ----------
+    modules
+        The commands to be known, and their modules, which are imported.
+    listed_only
+        Whether it is only to list them: their options and those below them are left out.
+    """
+    parser = Parser(
+        prog="upright",
+        description="Learn to balance an inverted pendulum, and measure how fast it was learned.",
+        epilog=EXAMPLES,
+    )
+    parser.add_argument("--version", action="version", version=f"upright {__version__}")
+    parser.add_commands(modules, listed_only=listed_only)
+    return parser

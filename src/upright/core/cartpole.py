@@ -31,9 +31,14 @@ EULER = int(Integrator.EULER)
 
 @compiled
 def accelerations(parameters: Parameters, state: State, force: float) -> tuple[float, float]:
-    """Return the accelerations of cart [m/s^2] and pole [rad/s^2] under a force [N] on the cart.
+    """Return ẍ [m/s²] and θ̈ [rad/s²], the accelerations under a force F [N] on the cart.
 
-    Report, equations (4) and (3), with the force per total mass, which both share, taken out.
+    With g the gravity, m the pole's mass, l half its length, m_c the cart's mass, and μ_c and μ_p
+    the frictions of cart and pole (report, equations (4) and (3)):
+
+        u = (F + m l θ̇² sin θ - μ_c sgn ẋ) / (m_c + m)
+        θ̈ = (g sin θ - u cos θ - μ_p θ̇ / (m l)) / (l (4/3 - m cos² θ / (m_c + m)))
+        ẍ = u - m l θ̈ cos θ / (m_c + m)
     """
     sin, cos = sine_cosine(state.theta)
     return _accelerations(parameters, state, force, sin, cos)
@@ -43,22 +48,23 @@ def accelerations(parameters: Parameters, state: State, force: float) -> tuple[f
 def _accelerations(
     parameters: Parameters, state: State, force: float, sin: float, cos: float
 ) -> tuple[float, float]:
+    """Return the same, given sin θ and cos θ."""
     p = parameters
-    mass_inverse = 1.0 / (p.cart_mass + p.pole_mass)  # once: to multiply takes a quarter as long
-    moment = p.pole_mass * p.half_length
+    g, m, l, theta_dot = p.gravity, p.pole_mass, p.half_length, state.theta_dot  # noqa: E741
+    ml = m * l
+    mass_inverse = 1.0 / (p.cart_mass + m)  # once: to multiply takes a quarter as long
     sign_x_dot = (state.x_dot > 0.0) - (state.x_dot < 0.0)
-    drive = (
-        force + moment * state.theta_dot * state.theta_dot * sin - p.cart_friction * sign_x_dot
-    ) * mass_inverse
-    theta_acceleration = (
-        p.gravity * sin - cos * drive - (p.pole_friction / moment) * state.theta_dot
-    ) / (p.half_length * (4.0 / 3.0 - (p.pole_mass * mass_inverse) * (cos * cos)))
-    x_acceleration = drive - (moment * mass_inverse) * (theta_acceleration * cos)
+    u = (force + ml * theta_dot * theta_dot * sin - p.cart_friction * sign_x_dot) * mass_inverse
+    theta_acceleration = (g * sin - cos * u - (p.pole_friction / ml) * theta_dot) / (
+        l * (4.0 / 3.0 - (m * mass_inverse) * (cos * cos))
+    )
+    x_acceleration = u - (ml * mass_inverse) * (theta_acceleration * cos)
     return x_acceleration, theta_acceleration
 
 
 @compiled
 def _euler(parameters: Parameters, state: State, acceleration: tuple[float, float]) -> State:
+    """Explicit Euler, of order 1: x ← x + h ẋ, ẋ ← ẋ + h ẍ, both from the old state."""
     h = parameters.time_step
     x_acceleration, theta_acceleration = acceleration
     return State(
@@ -73,6 +79,7 @@ def _euler(parameters: Parameters, state: State, acceleration: tuple[float, floa
 def _semi_implicit(
     parameters: Parameters, state: State, acceleration: tuple[float, float]
 ) -> State:
+    """Semi-implicit (symplectic) Euler, of order 1: ẋ ← ẋ + h ẍ, then x ← x + h ẋ, the new one."""
     h = parameters.time_step
     x_acceleration, theta_acceleration = acceleration
     x_dot = state.x_dot + h * x_acceleration
@@ -82,6 +89,7 @@ def _semi_implicit(
 
 @compiled
 def _moved(state: State, slope: State, h: float) -> State:
+    """Return y + h y'."""
     return State(
         state.x + h * slope.x,
         state.x_dot + h * slope.x_dot,
@@ -92,12 +100,14 @@ def _moved(state: State, slope: State, h: float) -> State:
 
 @compiled
 def _slope(parameters: Parameters, state: State, force: float) -> State:
+    """Return y' = (ẋ, ẍ, θ̇, θ̈), the time derivative of a state y."""
     x_acceleration, theta_acceleration = accelerations(parameters, state, force)
     return State(state.x_dot, x_acceleration, state.theta_dot, theta_acceleration)
 
 
 @compiled
 def _rk4(parameters: Parameters, state: State, force: float) -> State:
+    """Classical Runge-Kutta, of order 4: y ← y + h/6 (a + 2 b + 2 c + d)."""
     h = parameters.time_step
     a = _slope(parameters, state, force)
     b = _slope(parameters, _moved(state, a, 0.5 * h), force)

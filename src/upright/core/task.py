@@ -5,9 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS, Noise
 from upright.core.parameters import (
@@ -18,6 +16,9 @@ from upright.core.parameters import (
     make_parameters,
 )
 from upright.errors import UprightError, require, require_one_of
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class Task(NamedTuple):
@@ -124,7 +125,7 @@ class TaskSpec:
         return cls(**values, parameters=parameters)
 
 
-def draw_plant(parameters: Parameters, rng: np.random.Generator) -> Parameters:
+def draw_plant(parameters: Parameters, rng: "np.random.Generator") -> Parameters:
     """Return the parameters of another plant: a pole of 0.25 to 2 m, masses halved to doubled.
 
     Each factor is drawn uniformly on a scale of powers.

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from upright import __version__
-from upright.agents.parts.policy_form import BLOCK, Network, Table, Unit
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Network, Table, Unit
 from upright.policies.policy import Policy, describe, form_of
 
 C_HEADER = """\
@@ -129,7 +130,7 @@ def encode(policy: Policy) -> str:
     return C_HEADER.format(
         agent=policy.agent,
         version=__version__,
-        contract=_c_lines(describe(policy.contract()).splitlines(), " * ", " *     "),
+        contract=_c_comment(describe(policy.contract())),
         function=_c_table(form) if isinstance(form, Table) else _c_network(form),
     )
 
@@ -186,6 +187,12 @@ def _c_number(number: float) -> str:
 
 def _c_list(values: Iterable[str]) -> str:
     return _c_lines([", ".join(values)], "    ", "    ")
+
+
+def _c_comment(text: str) -> str:
+    r"""Return JSON as part of a comment, which it must not end: it may spell a slash as \u002f."""
+    text = text.replace("*/", "*\\u002f").replace("/*", "\\u002f*")
+    return _c_lines(text.splitlines(), " * ", " *     ")
 
 
 def _c_lines(lines: list[str], first: str, further: str) -> str:

@@ -9,7 +9,7 @@ from upright.agents import AGENTS
 from upright.core.cartpole import INTEGRATORS
 from upright.core.task import TaskSpec
 from upright.errors import UprightError, require, require_one_of
-from upright.plants import PLANTS, describe_plant
+from upright.plants import PLANTS, describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
 
@@ -69,6 +69,8 @@ def read_task(task: dict[str, Any]) -> dict[str, Any]:
         require_one_of("integrator", integrator, INTEGRATORS)
         if plant["name"] == EQUATIONS.name:
             plant = {**plant, "integrator": integrator}
+    if plant["name"] == EQUATIONS.name:  # on which it is played; any other stands there to be read
+        plant = describe_plant(restore_plant(plant))
     if lacking := [name for name in TOLD if name not in task]:
         raise ValueError(f"its task does not tell {', '.join(lacking)}")
     seed, run = task.pop("seed"), task.pop("run")

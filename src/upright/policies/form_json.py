@@ -11,7 +11,8 @@ from typing import Any, get_args
 import numpy as np
 
 from upright.agents.parts.boxes import Edges, check_cuts
-from upright.agents.parts.policy_form import BLOCK, Form, Layer, Network, Table, Unit
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Form, Layer, Network, Table, Unit
 from upright.errors import UprightError, require, require_one_of
 
 UNITS: tuple[Unit, ...] = get_args(Unit)

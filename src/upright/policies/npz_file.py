@@ -7,7 +7,7 @@ executes nothing, and allocates no more than the settings in its header imply, w
 import io
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -70,7 +70,8 @@ def read(path: Path | str, agent: str | None) -> Policy:
         check_agent(header["agent"], agent)
         settings = AGENTS.restore(header["agent"], header["settings"])
         memory = settings.agent(np.random.default_rng(0))
-        _fill(memory, archive, finite=not is_custom(header["agent"]))
+        renamed = getattr(settings, "RENAMED_ARRAYS", {})
+        _fill(memory, archive, finite=not is_custom(header["agent"]), renamed=renamed)
         trained = read_task(header["task"])
         policy = Policy(header["agent"], memory, **trained, settings=settings)
         check_contract(policy, header, {"version"})
@@ -104,15 +105,23 @@ def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
     return check_header(header, FORMAT, HEADER)
 
 
-def _fill(memory: Any, archive: zipfile.ZipFile, *, finite: bool) -> None:
-    """Set all arrays of a memory, having compared what is declared with what is due."""
+def _fill(
+    memory: Any, archive: zipfile.ZipFile, *, finite: bool, renamed: Mapping[str, str]
+) -> None:
+    """Set all arrays of a memory, having compared what is declared with what is due.
+
+    `renamed` holds the present names of arrays that older files hold under other names.
+    """
     arrays = arrays_of(memory)
-    found, due = archive.namelist(), ["header.npy", *(f"{name}.npy" for name, _ in arrays)]
+    present = {f"{old}.npy": f"{new}.npy" for old, new in renamed.items()}
+    members = {present.get(name, name): name for name in archive.namelist()}
+    found = [present.get(name, name) for name in archive.namelist()]
+    due = ["header.npy", *(f"{name}.npy" for name, _ in arrays)]
     if sorted(found) != sorted(due):
         odd = sorted(set(found) ^ set(due)) or "one that is there twice"
         raise ValueError(f"it does not hold the arrays of its agent; it differs in {odd}")
     for name, array in arrays:
-        with archive.open(f"{name}.npy") as member:
+        with archive.open(members[f"{name}.npy"]) as member:
             shape, by_columns, dtype = _declared(member)
             if (shape, dtype) != (array.shape, array.dtype) or dtype.hasobject:
                 raise ValueError(

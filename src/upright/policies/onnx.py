@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
-from upright.agents.parts.policy_form import BLOCK, Network, Table, Unit
+from upright.agents.parts.history import BLOCK
+from upright.agents.parts.policy_form import Network, Table, Unit
 from upright.errors import require_module
 from upright.policies.policy import Policy, describe, form_of
 

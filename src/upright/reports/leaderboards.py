@@ -5,7 +5,7 @@ number of trials over all runs, in which a failed run counts with all the trials
 intervals overlap, the two are tied.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,6 +59,8 @@ class BoardPlan(NamedTuple):
     """Of the study."""
     steps: int = USUAL_STEPS["leaderboard"]
     """N: steps of a successful trial."""
+    parameters: Mapping[str, float] = {}
+    """Parameters of the plant that differ from the published ones."""
     store: Path | str | None = None
     """Where finished runs are kept; without one, they are lost when interrupted."""
 
@@ -77,7 +79,10 @@ def make_rows(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str,
 
 def _cases(study: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Case]]:
     return {
-        title: [make_case(agent, steps=study.steps, **task) for agent in study.agents]
+        title: [
+            make_case(agent, steps=study.steps, parameters=study.parameters, **task)
+            for agent in study.agents
+        ]
         for title, task in columns.items()
     }
 
@@ -238,6 +243,7 @@ def _made(study: BoardPlan, command: str, version: str) -> str:
     usual = BoardPlan(steps=USUAL_STEPS[command])
     usual_options = {"agents": ",".join(usual.agents), "runs": usual.runs, "steps": usual.steps}
     told = [f"--{name} {value}" for name, value in options.items() if value != usual_options[name]]
+    told += [f"--parameter {name}={value}" for name, value in study.parameters.items()]
     words = " ".join(["upright", command, *told, f"--seed {study.seed}"])
     return f"{study.runs} runs a case; made by\n`{words}`, upright {version}."
 

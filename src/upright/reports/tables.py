@@ -4,13 +4,15 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from upright.core.conditions import TRIALS
 from upright.core.parameters import changed_parameters
 from upright.errors import require_one_of
 from upright.reports.published import SOURCES
-from upright.reports.statistics import INTERVALS, Row
+
+if TYPE_CHECKING:
+    from upright.reports.statistics import Row
 
 
 class Table(NamedTuple):
@@ -27,7 +29,7 @@ def number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-def mean_text(row: Row) -> str:
+def mean_text(row: "Row") -> str:
     """Return mean trials with their interval."""
     if row.mean_trials is None or row.ci95 is None:
         return "–"
@@ -36,13 +38,13 @@ def mean_text(row: Row) -> str:
     return f"{mean} [{low}, {high}]"
 
 
-def success_text(row: Row) -> str:
+def success_text(row: "Row") -> str:
     """Return the success rate with its interval."""
     low, high = row.success_ci95
     return f"{100 * row.success_rate:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
 
 
-def study_table(rows: Sequence[Row]) -> Table:
+def study_table(rows: Sequence["Row"]) -> Table:
     """Return a table with a line for every case, beside the published figures."""
     sources = list(dict.fromkeys(name for row in rows for name in row.published))
     measured = ["Agent", "Settings", "Noise", "Success", "Mean trials", "Median", "p95", "Max"]
@@ -63,7 +65,7 @@ def study_table(rows: Sequence[Row]) -> Table:
     return Table(measured + sources, body, _notes(rows, sources))
 
 
-def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
+def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
     agents = {row.agent for row in rows}
     notes = sorted({_protocol(row) for row in rows})
     notes.append(
@@ -78,7 +80,7 @@ def _notes(rows: Sequence[Row], sources: Sequence[str]) -> list[str]:
     return notes
 
 
-def _protocol(row: Row) -> str:
+def _protocol(row: "Row") -> str:
     """Return how the runs of a row were made, all that is not usual included."""
     task = row.task
     parts = [f"{row.runs} runs a case", f"N = {task.steps:,} steps", f"start {task.start}"]
@@ -136,12 +138,12 @@ def _escape_latex(cell: str) -> str:
     return cell.replace("–", "--").replace("[", "{[}").replace("]", "{]}")
 
 
-def to_json(rows: Sequence[Row]) -> str:
+def to_json(rows: Sequence["Row"]) -> str:
     """Return the rows as a JSON array of objects with the fields of `Row`."""
     return json.dumps([row.as_data() for row in rows], indent=2, allow_nan=False) + "\n"
 
 
-def to_csv(rows: Sequence[Row]) -> str:
+def to_csv(rows: Sequence["Row"]) -> str:
     """Return the rows as comma-separated values; intervals and sources have own columns."""
     flat = [_flatten(row) for row in rows]
     written = io.StringIO()
@@ -152,7 +154,9 @@ def to_csv(rows: Sequence[Row]) -> str:
     return written.getvalue()
 
 
-def _flatten(row: Row) -> dict[str, object]:
+def _flatten(row: "Row") -> dict[str, object]:
+    from upright.reports.statistics import INTERVALS
+
     line = row.as_data()
     for name in INTERVALS:
         line[f"{name}_low"], line[f"{name}_high"] = line.pop(name) or (None, None)
@@ -166,7 +170,7 @@ def _flatten(row: Row) -> dict[str, object]:
 FORMATS = ("text", "markdown", "csv", "json", "latex")
 
 
-def render(rows: Sequence[Row], format_name: str) -> str:
+def render(rows: Sequence["Row"], format_name: str) -> str:
     """Return the table of a study in one of the FORMATS.
 
     Parameters

@@ -15,14 +15,16 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from upright.core.trials import Result
 from upright.errors import UprightError, require
 from upright.support.files import digest
 from upright.support.interrupts import let_interrupts_through
+
+if TYPE_CHECKING:
+    from upright.core.trials import Result  # the loop takes a second to import
 
 AGENTS = ("q-learning", "reinforce", "random-search")
 """The agents that the twin has, too."""
@@ -107,7 +109,7 @@ def check_seed(seed: int) -> None:
     require("seed of MATLAB's random numbers", seed, 0, MOST_SEEDS, whole=True)
 
 
-def make_runs(jobs: Iterable[TwinJob]) -> Generator[tuple[TwinJob, Result], None, None]:
+def make_runs(jobs: Iterable[TwinJob]) -> "Generator[tuple[TwinJob, Result], None, None]":
     """Make runs, a process for every core, and yield each as it ends.
 
     Whoever stops asking ends the processes.
@@ -177,8 +179,10 @@ def _start(program: str, job: TwinJob, processes: list["subprocess.Popen[str]"])
         raise UprightError(f"{program} ended with status {process.returncode}; it said: {told[0]}")
 
 
-def _runs_of(lines: Iterator[str], job: TwinJob) -> Iterator[Result]:
+def _runs_of(lines: Iterator[str], job: TwinJob) -> "Iterator[Result]":
     """Yield the runs that lines tell of."""
+    from upright.core.trials import Result
+
     missing = set(job.runs)
     for line in lines:
         if line.startswith(MARK):

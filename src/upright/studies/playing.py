@@ -5,7 +5,7 @@ plant of its own.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from itertools import repeat
@@ -104,6 +104,8 @@ def case_for(policy: Policy, **changes: Any) -> Case:
     """
     learned = policy.learned_on.as_data()
     learned = {name: learned[name] for name in ("noise", "start", "condition", "parameters")}
+    if isinstance(changed := changes.get("parameters"), Mapping):
+        changes["parameters"] = learned["parameters"] | changed
     own = policy.plant if policy.plant["name"] == EQUATIONS.name else describe_plant(EQUATIONS)
     return make_case(policy.agent, **({"plant": restore_plant(own)} | learned | changes))
 

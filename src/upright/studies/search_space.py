@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
 
 from upright.agents import Settings
 from upright.errors import UprightError
+from upright.support.settings import refuse_former_name
 
 if TYPE_CHECKING:
     import optuna
@@ -95,6 +96,7 @@ def search_space(
     for text in names:
         name, _, limits = text.partition("=")
         name = name.strip().replace("-", "_")
+        refuse_former_name(settings, name)
         if name not in kinds:
             known = ", ".join(field.name for field in fields(settings))
             raise UprightError(f"search is {text!r}; the setting must be one of {known}")

@@ -151,6 +151,4 @@ class Registry(Mapping[str, str], Generic[S]):
             if values != values_of(settings):  # another name would be other code
                 raise UprightError(f"the settings are {values!r}; they are not those of {name!r}")
             return settings
-        renamed: dict[str, str] = getattr(self.module(name), "RENAMED", {})
-        values = {renamed.get(setting, setting): value for setting, value in values.items()}
         return restored(self.default(name), values, name)

@@ -6,14 +6,17 @@ The command line, stores, documents and ROS 2 read fields, values and texts from
 import ast
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from upright.errors import UprightError, require_one_of
 
 
 class Fields(Protocol):
-    """Any dataclass."""
+    """Any dataclass.
+
+    If settings once had other names, its class attribute `RENAMED` holds the new one of each.
+    """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -26,6 +29,18 @@ def values_of(settings: Fields) -> dict[str, Any]:
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
 
 
+def renamed(settings: Fields) -> dict[str, str]:
+    """Return the present names of settings that once had other names, by those."""
+    names: dict[str, str] = getattr(settings, "RENAMED", {})
+    return names
+
+
+def refuse_former_name(settings: Fields, name: str) -> None:
+    """Raise UprightError if a person names a setting as it was once called."""
+    if name in renamed(settings):
+        raise UprightError(f"{name} is now called {renamed(settings)[name]}")
+
+
 def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
     """Return by name the values of settings that differ from the usual ones."""
     values = values_of(usual)
@@ -35,11 +50,16 @@ def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     """Return settings like the default ones with the values that were written to a file as JSON.
 
+    A file may hold former names of settings.
+
     Raises
     ------
     UprightError
         If they are not the owner's settings, or not allowed.
     """
+    for old, new in renamed(default).items():
+        if old in values and new not in values:
+            values = {new if name == old else name: value for name, value in values.items()}
     if values.keys() != values_of(default).keys():
         raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {owner}")
     values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
@@ -56,11 +76,12 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
     Raises
     ------
     UprightError
-        If there is no such setting, or its value is not allowed.
+        If there is no such setting, it now has another name, or its value is not allowed.
     """
     present = values_of(settings)
     values = {}
     for name, text in changes.items():
+        refuse_former_name(settings, name)
         require_one_of("setting", name, present)
         values[name] = _parse(name, text, present[name])
     return replace(settings, **values)
@@ -101,12 +122,13 @@ def _is_like(present: object, value: object) -> bool:
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
-def describe_settings(settings: Fields | type[Fields]) -> dict[str, str]:
-    """Return the line of text that stands under each field of a settings class."""
+def describe_settings(settings: Any) -> dict[str, str]:
+    """Return the sentence under each field of a dataclass or a NamedTuple, or of its class."""
     kind = settings if isinstance(settings, type) else type(settings)
     (definition,) = ast.parse(inspect.getsource(kind)).body
     assert isinstance(definition, ast.ClassDef)
-    own = {field.name for field in fields(settings)}
+    names: Any = kind
+    own = {field.name for field in fields(kind)} if is_dataclass(kind) else set(names._fields)
     lines = {}
     for field, text in zip(definition.body, definition.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):

@@ -1,4 +1,4 @@
-"""What several learning rules share: boxes, least squares, the form of a policy.
+"""What several learning rules share: boxes, scales, networks, Adam, episodes, histories, policies.
 
 May import what `upright.agents` may.
 """

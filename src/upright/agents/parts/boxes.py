@@ -87,8 +87,8 @@ def make_boxes(settings: Any) -> Boxes:
     edges = edges_of(settings).values()
     return Boxes(
         # An empty tuple has no type that compiled code could read: no measurement is above inf.
-        edges=tuple(tuple(map(float, some)) or (math.inf,) for some in edges),
-        parts=tuple(len(some) + 1 for some in edges),
+        edges=tuple(tuple(map(float, cuts)) or (math.inf,) for cuts in edges),
+        parts=tuple(len(cuts) + 1 for cuts in edges),
     )
 
 
@@ -112,8 +112,8 @@ def find_box(boxes, observation):
 
 
 def tabulate(boxes: Boxes, push_probability: Callable[[State], float]) -> policy_form.Table:
-    """Return a policy that is the same everywhere in a box as data: asked once in each."""
-    edges = tuple(tuple(edge for edge in some if edge < math.inf) for some in boxes.edges)
+    """Return as data a policy that is the same everywhere in a box: it is asked once in each."""
+    edges = tuple(tuple(edge for edge in cuts if edge < math.inf) for cuts in boxes.edges)
     # A part's upper edge lies in it.
-    places = itertools.product(*((*some, math.inf) for some in edges))
+    places = itertools.product(*((*cuts, math.inf) for cuts in edges))
     return policy_form.Table(edges, tuple(push_probability(State(*place)) for place in places))

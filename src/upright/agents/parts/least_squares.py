@@ -1,4 +1,4 @@
-"""Least squares by its normal equations: what agents that fit something share."""
+"""Least squares by its normal equations, for agents that fit something."""
 
 import math
 
@@ -7,7 +7,10 @@ from upright.core.compiled import compiled
 
 @compiled
 def factorise(matrix, factor):
-    """Set the lower triangular Cholesky factor of a symmetric positive definite matrix."""
+    """Set L, lower triangular, with L Lᵀ = A: the Cholesky factor of a positive definite matrix A.
+
+    Only the lower triangle of A is read.
+    """
     for i in range(len(matrix)):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -18,7 +21,7 @@ def factorise(matrix, factor):
 
 @compiled
 def solve(factor, right_side, solution):
-    """Solve for the solution of the equations whose matrix was factorised."""
+    """Solve A x = b, given the Cholesky factor L of A: L y = b forwards, Lᵀ x = y backwards."""
     for i in range(len(solution)):
         total = right_side[i]
         for k in range(i):

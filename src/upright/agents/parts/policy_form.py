@@ -8,11 +8,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-BLOCK = 5
-"""Numbers that a history holds of each past step: the push, 1 to the right and -1 to the left, and
-the four measurements it was chosen on.
-"""
-
 Unit = Literal["isrlu", "tanh", "sigmoid", "above zero", "not below zero"]
 """What a unit puts out, of its sum s: s above zero and s / √(1 + s²) below; tanh s; 1 / (1 + e^-s);
 1 if s > 0, else 0; 1 if s ≥ 0, else 0.
@@ -36,9 +31,9 @@ class Network(NamedTuple):
     scales: tuple[float, ...] | None = None
     """What each measurement is divided by first; None where they are taken as they are."""
     past: int = 0
-    """How many past steps are inputs too, BLOCK numbers each, the newest first, not divided. At the
-    first step of a trial all hold the present measurement, without a push. A policy that looks at
-    the past must be sure of its push: its last unit puts out 0 or 1.
+    """How many past steps are inputs too, as `history` lays them out, not divided. At the first
+    step of a trial all hold the present measurement, without a push. A policy that looks at the
+    past must be sure of its push: its last unit puts out 0 or 1.
     """
 
     def contract(self) -> dict[str, Any]:

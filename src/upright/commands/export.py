@@ -1,0 +1,38 @@
+"""Write a saved policy as C99, ONNX or JSON.
+
+C and ONNX return the probability of a push to the right; docs/policies.md documents names, types
+and the JSON format.
+"""
+
+import argparse
+
+from upright.commands.options import add
+from upright.commands.parser import Parser
+
+EXAMPLES = """\
+examples:
+  upright learn reinforce --save policy.npz
+  upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
+  upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  upright export policy.npz policy.json  JSON: the numbers, for play, MATLAB and Octave
+  cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
+"""
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options of `upright export`."""
+    add(parser, "policy")
+    parser.add_argument(
+        "output", metavar="OUTPUT", help="the file to write; it ends in .h, .onnx or .json"
+    )
+    add(parser, "--agent")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `upright export`."""
+    from upright.policies.files import check_export, export_policy, load_policy
+
+    check_export(options.output)
+    export_policy(options.output, load_policy(options.policy, options.agent))
+    print(f"exported: {options.output}")
+    return 0

@@ -1,0 +1,81 @@
+"""Train an agent, and show each trial as it ends."""
+
+import argparse
+
+from upright.commands.options import (
+    CUSTOM_AGENTS,
+    add,
+    add_case_options,
+    add_plant_options,
+    add_task_options,
+    case_of,
+    plant_of,
+    whole,
+)
+from upright.commands.parser import Parser
+from upright.support.exit_status import FAILED
+
+EXAMPLES = f"""\
+examples:
+  upright learn reinforce --noise gaussian-0.1 --seed 3
+  upright learn q-learning --settings as-published --plot curve.png
+  upright learn reinforce --steps 600000 --save policy.npz
+  upright learn q-learning --set learning_rate=0.2 --set discount=0.98
+  upright learn reinforce --plant mujoco --plant-set physics_step=0.001
+{CUSTOM_AGENTS}\
+exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible.
+"""
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options of `upright learn`."""
+    add(parser, "agent")
+    add_task_options(parser)
+    add(parser, "--seed")
+    add_case_options(parser)
+    add_plant_options(parser)
+    parser.add_argument("--run", **whole(0, "number of the run within its study", "K"))
+    parser.add_argument(
+        "--twister",
+        action="store_true",
+        help="draw the MATLAB twin's random numbers: its run K + 1 then has the same trials",
+    )
+    parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
+    parser.add_argument(
+        "--save", metavar="FILE", help="save the policy; the name ends in .npz or .json"
+    )
+    parser.add_argument(
+        "--quiet", action="store_true", help="print only the outcome, not every trial"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `upright learn`."""
+    from upright.errors import require
+    from upright.studies.study import check_study
+    from upright.studies.watching import watch_run
+
+    case = case_of(options, plant=plant_of(options))
+    require("run", options.run, 0, 999_999)
+    check_study(options.run + 1, options.seed)
+    if options.plot:
+        from upright.reports.plots import check_picture, plot_curve, save
+
+        check_picture(options.plot)
+    if options.save:
+        from upright.studies.learned import check_learned
+
+        check_learned(options.save, case)
+    memory, result = watch_run(
+        case, options.seed, options.run, quiet=options.quiet, twister=options.twister
+    )
+    if options.plot:
+        title = f"{case.agent}, {case.spec.noise}, seed {options.seed}, run {options.run}"
+        save(plot_curve(result.lengths, case.spec.steps, title), options.plot)
+        print(f"learning curve: {options.plot}")
+    if options.save:
+        from upright.studies.learned import save_learned
+
+        save_learned(options.save, case, options.seed, options.run, memory)
+        print(f"policy: {options.save}")
+    return 0 if result.success else FAILED

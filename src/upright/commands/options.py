@@ -1,0 +1,227 @@
+"""Options that several commands share, and what they ask for.
+
+Allowed names come from where the things themselves stand; help, errors and completion follow.
+"""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from upright.agents import AGENTS
+from upright.commands.parser import Parser
+from upright.core.conditions import (
+    CONDITIONS,
+    NOISES,
+    PUBLISHED_NOISES,
+    RUNS,
+    STARTS,
+    STEPS,
+    TRIALS,
+)
+from upright.core.parameters import Parameters, parse_parameters
+from upright.plants import PLANTS
+from upright.reports.tables import FORMATS
+from upright.support.settings import describe_settings
+
+if TYPE_CHECKING:
+    from upright.plants.settings import PlantSettings
+    from upright.studies.case import Case
+
+LABELS = ("default", "as-published")
+"""Names that an agent's settings may have."""
+AS_TRAINED = "as the policy was trained"
+"""The default of a task's options where a policy is played."""
+CUSTOM_AGENTS = """\
+Custom agents: module:name, a class or function which, given a run's random numbers, returns an
+agent with the methods begin_trial, act, learn and end_trial, or train(env) (see examples/).
+"""
+"""How a custom agent is named, for the end of a command's help."""
+
+
+def _one_of(names: Any, default: str, text: str, metavar: str = "NAME") -> dict[str, Any]:
+    return {
+        "choices": names,
+        "default": default,
+        "metavar": metavar,
+        "help": f"{text}: %(choices)s (default: %(default)s)",
+    }
+
+
+def whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
+    """Return what `add_argument` needs for an option that is a whole number."""
+    help_text = f"{text} (default: %(default)s)"
+    return {"type": int, "default": default, "metavar": metavar, "help": help_text}
+
+
+UNITS = ", ".join(
+    f"{name} [{text.rpartition('[')[2].rstrip('.')}"
+    for name, text in describe_settings(Parameters).items()
+)
+"""The parameters of a plant with their units."""
+
+TASK: dict[str, dict[str, Any]] = {
+    "--noise": _one_of(NOISES, "none", "noise case"),
+    "--start": _one_of(
+        STARTS,
+        "random",
+        "where trials start, random being within ±0.05 of upright in each measurement and wide "
+        "up to 6° in the angle",
+    ),
+    "--condition": _one_of(CONDITIONS, "nominal", "what else differs from the published task"),
+    "--steps": whole(STEPS, "a trial that lasts this many steps of 0.02 s is a success"),
+    "--trials": whole(TRIALS, "a run ends after at most this many trials"),
+    "--parameter": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "dest": "parameters",
+        "help": f"change a parameter of the plant (see upright plants); may be repeated: {UNITS}",
+    },
+}
+"""The options of a task; each is the part of a task that has its name."""
+
+SHARED: dict[str, dict[str, Any]] = {
+    "agent": {
+        "metavar": "AGENT",
+        "help": f"the agent: {', '.join(AGENTS.built_in)}, or module:name of a custom one",
+    },
+    "--agents": {
+        "default": ",".join(AGENTS.built_in),
+        "metavar": "AGENTS",
+        "help": "agents, separated by commas (default: %(default)s)",
+    },
+    "--noises": {
+        "default": "all",
+        "metavar": "CASES",
+        "help": f"noise cases, separated by commas: {', '.join(NOISES)}; or all, the seven "
+        "published ones (default: %(default)s)",
+    },
+    "--settings": _one_of(LABELS, "default", "the agent's named settings, default being tuned"),
+    "--set": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "dest": "changes",
+        "help": "change one of the agent's settings (see upright agents); may be repeated",
+    },
+    "--plant": _one_of(PLANTS, "equations", "the plant to balance (see upright plants)"),
+    "--plant-set": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=VALUE",
+        "dest": "plant_changes",
+        "help": "change one of the plant's settings (see upright plants); may be repeated",
+    },
+    "--seed": whole(0, "random seed; the same seed gives the same result"),
+    "--runs": whole(RUNS, "independent runs of each case"),
+    "--store": {
+        "metavar": "FILE",
+        "help": "keep every finished run in this file, and reuse the runs it already holds",
+    },
+    "--format": _one_of(FORMATS, "text", "format of the table"),
+    "--output": {"metavar": "FILE", "help": "write the table to this file, not to the screen"},
+    "policy": {
+        "metavar": "POLICY",
+        "help": "a policy saved by learn --save, or exported as JSON",
+    },
+    "--agent": {
+        "metavar": "MODULE:NAME",
+        "help": "the custom agent that trained the policy; its code is executed",
+    },
+}
+"""Other arguments that several commands have."""
+
+
+def add(parser: Parser, *names: str, **changes: Any) -> None:
+    """Add arguments of TASK and SHARED, changed where this command's differ."""
+    for name in names:
+        parser.add_argument(name, **(TASK | SHARED)[name] | changes)
+
+
+def add_task_options(
+    parser: Parser, names: tuple[str, ...] = tuple(TASK), *, as_trained: bool = False
+) -> None:
+    """Add the options of a task, which `task_of` reads.
+
+    Parameters
+    ----------
+    parser
+        Of the command.
+    names
+        Which of TASK it has.
+    as_trained
+        Whether those not given are to be as a policy was trained, and absent from `task_of`.
+    """
+    for name in names:
+        form = dict(TASK[name])
+        if as_trained:
+            form |= {"default": None, "help": form["help"].replace("%(default)s", AS_TRAINED)}
+        parser.add_argument(name, **form)
+
+
+def task_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the parts of the task that the options of `add_task_options` ask for, by name."""
+    given = vars(options)
+    parts = (name.removeprefix("--") for name in TASK)
+    task = {part: given[part] for part in parts if given.get(part) is not None}
+    if changes := given.get("parameters"):
+        task["parameters"] = parse_parameters(changes, "--parameter")
+    return task
+
+
+def add_plant_options(parser: Parser) -> None:
+    """Add the options that choose a plant, which `plant_of` reads."""
+    add(parser, "--plant", "--plant-set")
+
+
+def plant_of(options: argparse.Namespace) -> "PlantSettings":
+    """Return the plant that is asked for.
+
+    Raises
+    ------
+    UprightError
+        If it has no such setting, or a value is not allowed.
+    """
+    from upright.support.settings import change_settings, pairs
+
+    changes = dict(pairs("--plant-set", options.plant_changes))
+    return change_settings(PLANTS.default(options.plant), changes)
+
+
+def add_case_options(parser: Parser) -> None:
+    """Add the settings of one agent, which `case_of` reads."""
+    add(parser, "--settings", "--set")
+
+
+def case_of(options: argparse.Namespace, **parts: Any) -> "Case":
+    """Return the case of one agent that is asked for.
+
+    Parameters
+    ----------
+    options
+        Those of a task among them.
+    **parts
+        Parts of the case that are no options of the task.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, or a value is not allowed.
+    """
+    from dataclasses import replace
+
+    from upright.studies.case import make_case
+    from upright.support.settings import change_settings, pairs
+
+    case = make_case(options.agent, options.settings, **(task_of(options) | parts))
+    changes = dict(pairs("--set", options.changes))
+    return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+
+
+def noises_of(options: argparse.Namespace) -> list[str]:
+    """Return the noise cases that --noises asks for."""
+    return list(PUBLISHED_NOISES) if options.noises == "all" else split(options.noises)
+
+
+def split(names: str) -> list[str]:
+    """Return names that have commas between, each once."""
+    return list(dict.fromkeys(name.strip() for name in names.split(",")))

@@ -1,0 +1,66 @@
+"""How the command line is read: commands below commands, and errors that take one line."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, NoReturn
+
+from upright.errors import did_you_mean, require_one_of
+from upright.support.exit_status import BAD_USE
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors take one line and name what is allowed."""
+
+    def __init__(self, **options: Any) -> None:
+        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(**options)
+
+    def add_commands(self, modules: Mapping[str, str], *, listed_only: bool = False) -> None:
+        """Add commands below this one, and import their modules.
+
+        Parameters
+        ----------
+        modules
+            The module of each command. It has a docstring, which describes the command, the first
+            line being its summary; EXAMPLES, which end its help; and either SUBCOMMANDS, the
+            modules of those below it, or `add_options(parser)` and `run(options)`, which returns
+            the exit status.
+        listed_only
+            Whether the commands are only to be listed, and not to be parsed: it takes less time.
+        """
+        commands = self.add_subparsers(metavar="COMMAND", required=True)
+        for name, place in modules.items():
+            module = import_module(place)
+            description = (module.__doc__ or "").strip()
+            summary = description.partition("\n")[0].rstrip(".")
+            parser = commands.add_parser(
+                name, help=summary, description=description, epilog=module.EXAMPLES
+            )
+            if listed_only:
+                continue
+            if hasattr(module, "SUBCOMMANDS"):
+                parser.add_commands(module.SUBCOMMANDS)
+            else:
+                module.add_options(parser)
+                parser.set_defaults(command=module.run, parser=parser)
+
+    def parse(self, arguments: Sequence[str]) -> argparse.Namespace:
+        """Return the options of a command line: with `command`, its function, and its `parser`."""
+        options, unknown = self.parse_known_args(arguments)
+        if unknown:
+            parser: Parser = options.parser
+            flag = unknown[0].partition("=")[0]
+            hint = did_you_mean(flag, parser._option_string_actions) if flag[0:1] == "-" else ""
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return options
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and end."""
+        self.exit(BAD_USE, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse an unknown name in the same words as everywhere."""
+        if action.choices is not None:
+            name = "command" if action.dest == argparse.SUPPRESS else action.dest
+            require_one_of(name, value, action.choices)

@@ -1,0 +1,40 @@
+"""Reproduce the published tables, with pictures.
+
+If interrupted, the same command continues where it stopped.
+"""
+
+import argparse
+
+from upright.commands.options import add, add_task_options
+from upright.commands.parser import Parser
+from upright.commands.showing import telling_what_is_kept
+
+EXAMPLES = """\
+examples:
+  upright reproduce                      20 runs a case, as in the report, into results/
+  upright reproduce --runs 100           the stricter form; reuses finished runs
+  upright reproduce --output /tmp/again
+"""
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options of `upright reproduce`."""
+    add(parser, "--runs", "--seed")
+    add_task_options(parser, ("--steps",))
+    add(
+        parser,
+        "--output",
+        default="results",
+        metavar="FOLDER",
+        help="folder for tables and pictures (default: %(default)s)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `upright reproduce`."""
+    from upright.reports.reproduction import reproduce
+
+    with telling_what_is_kept(options.output):
+        report = reproduce(options.output, options.runs, options.seed, options.steps)
+    print(f"report: {report}")
+    return 0

@@ -1,0 +1,70 @@
+"""Options of the ROS 2 commands: one for each setting of a node."""
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from upright.commands.options import LABELS, add
+from upright.commands.parser import Parser
+from upright.core.conditions import NOISES, STARTS
+from upright.nodes.settings import BODIES
+from upright.support.settings import describe_settings
+
+NAMES: dict[str, Any] = {"plant": BODIES, "noise": NOISES, "start": STARTS, "settings": LABELS}
+"""What is allowed where a setting is one of several names."""
+REPEATED = {"plant_set": "--plant-set", "parameters": "--parameter"}
+"""Settings that list several values with commas between, each an option of its own."""
+FILES = ("policy", "save")
+"""Settings that name a file."""
+
+
+def add_learning_agent(parser: Parser) -> None:
+    """Add the argument that names the agent of a learner."""
+    add(parser, "agent", nargs="?", help="agent to train (default: reinforce)")
+
+
+def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
+    """Add an option for each setting; those not given are absent from what is parsed."""
+    for name, text in describe_settings(kind).items():
+        default = getattr(kind, name)
+        if name in without or isinstance(default, tuple):
+            continue
+        flag = f"--{name.replace('_', '-')}"
+        described = text.rstrip(".")
+        form: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
+        if name in REPEATED:
+            flag, described = REPEATED[name], f"{described}; may be repeated"
+            form |= {"action": "append", "metavar": "NAME=VALUE", "dest": name}
+            del form["type"]
+        elif name in NAMES:
+            form |= {"choices": NAMES[name], "metavar": "NAME"}
+            described = f"{text.partition(':')[0]}: %(choices)s"  # names that it lists are these
+        elif name in FILES:
+            form |= {"metavar": "FILE"}
+        elif isinstance(default, bool):
+            form = {"action": argparse.BooleanOptionalAction}
+        if default != "":
+            described += f" (default: {default})"
+        parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **form)
+
+
+def given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:
+    """Return the settings of one kind that were given."""
+    names = vars(options).keys() & kind.__dataclass_fields__.keys()
+    values = {name: value for name in names if (value := getattr(options, name)) is not None}
+    return {name: ",".join(v) if name in REPEATED else v for name, v in values.items()}
+
+
+def add_ros_arguments(parser: Parser) -> None:
+    """Add the option after which everything is passed to ROS 2, as `ros_arguments` returns it."""
+    parser.add_argument(
+        "--ros-args",
+        nargs=argparse.REMAINDER,
+        default=[],
+        help="pass everything that follows to ROS 2",
+    )
+
+
+def ros_arguments(options: argparse.Namespace) -> list[str]:
+    """Return what is passed to ROS 2."""
+    return ["--ros-args", *options.ros_args]

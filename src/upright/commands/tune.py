@@ -1,0 +1,80 @@
+"""Search for better settings of an agent.
+
+Candidates are ranked by the mean number of trials over all runs; a failed run counts as --trials.
+The first candidate is the settings the search starts from; hopeless ones are abandoned early. The
+best is measured again on fresh runs. All runs have seeds of a million or more: those below are for
+tables. If interrupted, the same command continues where it stopped.
+
+It needs Optuna: pip install 'upright[tune]'
+"""
+
+import argparse
+
+from upright.commands.options import (
+    CUSTOM_AGENTS,
+    add,
+    add_case_options,
+    add_task_options,
+    case_of,
+    noises_of,
+    whole,
+)
+from upright.commands.parser import Parser
+from upright.commands.showing import telling_what_is_kept
+
+EXAMPLES = f"""\
+examples:
+  upright tune q-learning
+  upright tune q-learning --search learning_rate --search discount=0.9:0.999 --candidates 50
+  upright tune ase-ace --settings as-published --set mirrored=True --noises all --runs 20
+  upright tune reinforce --candidates 300             (after the first: 200 more)
+{CUSTOM_AGENTS}"""
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options of `upright tune`."""
+    add(parser, "agent")
+    add(parser, "--noises", default="none,actuator-10,gaussian-0.2")
+    add_task_options(parser, ("--start", "--condition", "--steps", "--trials", "--parameter"))
+    add_case_options(parser)
+    parser.add_argument(
+        "--search",
+        action="append",
+        default=[],
+        metavar="NAME[=LOW:HIGH]",
+        help="search this setting, within this range; may be repeated (default: all settings that "
+        "have a range)",
+    )
+    add(parser, "--seed")
+    add(parser, "--runs", help="runs of each candidate on each noise case (default: %(default)s)")
+    parser.add_argument("--candidates", **whole(100, "total number of settings to try"))
+    parser.add_argument(
+        "--validation-runs", **whole(100, "fresh runs of the best on each noise case")
+    )
+    add(
+        parser,
+        "--store",
+        help="keep the candidates in this file (default: tune-AGENT.sqlite in this folder)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Carry out `upright tune`."""
+    from upright.studies.progress import search_with_progress, study_with_progress
+    from upright.studies.search_space import search_space
+    from upright.studies.study import check_study
+    from upright.studies.tuning import Search, describe, place_for, require_optuna, validate
+    from upright.support.settings import pairs
+
+    require_optuna()
+    cases = tuple(case_of(options, noise=noise) for noise in noises_of(options))
+    fixed = [name for name, _ in pairs("--set", options.changes)]
+    space = search_space(cases[0].settings, options.search, fixed)
+    wanted = Search(cases, tuple(space), options.runs, options.seed)
+    check_study(options.validation_runs, options.seed)
+    store = options.store or place_for(options.agent)
+    with telling_what_is_kept(store, "finished candidates"):
+        found = search_with_progress(wanted, options.candidates, store)
+        worths = validate(wanted, found.settings, options.validation_runs, study_with_progress)
+    print(describe(wanted, found, worths, options.settings))
+    return 0

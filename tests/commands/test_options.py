@@ -1,0 +1,288 @@
+"""Over every command: what its help says, which names it allows, what it answers to others."""
+
+import argparse
+import doctest
+import shlex
+import subprocess
+import sys
+
+import pytest
+from helpers import python
+
+import upright.errors
+from upright import __version__
+from upright.agents import AGENTS
+from upright.commands import COMMANDS, make_parser, run
+from upright.commands.completion import actions
+from upright.commands.options import LABELS, add_task_options, task_of
+from upright.commands.parser import Parser
+from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS
+from upright.core.parameters import Parameters
+from upright.core.task import TaskSpec
+from upright.nodes.settings import BODIES
+from upright.plants import PLANTS
+from upright.reports.tables import FORMATS
+from upright.studies import matlab_twin
+from upright.support.exit_status import BAD_USE
+
+
+def commands(parser, name=""):
+    """Give the name and the parser of every command, those that have others below them too."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, below in action.choices.items():
+                yield f"{name} {word}".strip(), below
+                yield from commands(below, f"{name} {word}".strip())
+
+
+ALL = dict(commands(make_parser()))
+LEAVES = {name: parser for name, parser in ALL.items() if parser.get_default("command")}
+
+
+def examples(text):
+    """Return the command lines in the end of a command's help, without the comments beside them."""
+    lines = [line.strip() for line in text.splitlines() if line.startswith("  ")]
+    return [line.split("  ")[0].split(" > ")[0] for line in lines if line.startswith("upright ")]
+
+
+def shown_by(line, capsys):
+    """Return what a command line that ends by itself prints."""
+    with pytest.raises(SystemExit) as ended:
+        run(line.split())
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
+# ------------------------------------------------------------------------------ help
+
+
+def test_there_are_commands_and_some_have_others_below_them():
+    assert set(COMMANDS) <= set(ALL)
+    assert {"matlab table", "ros2 demo", "gazebo view"} <= set(LEAVES)
+
+
+def test_the_help_lists_every_command_with_its_summary(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    shown = shown_by("--help", capsys)
+    for name in COMMANDS:
+        summary = ALL[name].description.partition("\n")[0]
+        assert f" {name} " in shown or f" {name}\n" in shown
+        assert summary.removesuffix(".") in shown
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_help_describes_the_command_and_teaches_by_example(name, capsys):
+    shown = shown_by(f"{name} --help", capsys)
+    assert ALL[name].description.partition("\n")[0] in shown
+    assert ALL[name].description[0].isupper()
+    assert "examples" in shown
+    assert f"upright {name}" in shown.partition("examples")[2]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_option_has_a_help_text(name):
+    without = [action.dest for action in ALL[name]._actions if not action.help]
+    assert without == ["==SUPPRESS=="] * (name not in LEAVES)  # the commands below it
+
+
+@pytest.mark.parametrize("name", ["", *ALL])
+def test_every_example_can_be_parsed(name):
+    parser = ALL[name] if name else make_parser()
+    lines = examples(parser.epilog)
+    assert lines
+    for line in lines:
+        options = make_parser().parse(shlex.split(line)[1:])
+        assert callable(options.command), line
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_a_command_gets_its_own_options_and_no_more(name):
+    parser = LEAVES[name]
+    own = {action.dest for action in parser._actions}
+    needed = [action for action in parser._actions if not action.option_strings]
+    words = [next(iter(a.choices)) if a.choices else "x" for a in needed if a.nargs != "?"]
+    given = vars(make_parser().parse([*name.split(), *words]))
+    assert given.keys() - {"command", "parser"} <= own
+
+
+def test_only_the_module_of_the_command_asked_for_is_imported():
+    code = "import sys; from upright.commands import COMMANDS, run\n"
+    code += "try: run(['plants', '--help'])\nexcept SystemExit: pass\n"
+    code += "print([name for name, place in COMMANDS.items() if place in sys.modules])"
+    assert python(code).stdout.endswith("\n['plants']\n")
+
+
+def test_the_package_can_be_run_as_a_program():
+    line = [sys.executable, "-m", "upright", "--version"]
+    ended = subprocess.run(line, capture_output=True, text=True, check=True)
+    assert ended.stdout == f"upright {__version__}\n"
+
+
+# ------------------------------------------------------------------------------ names
+
+
+EXCEPTIONS = {
+    "matlab table --agents": matlab_twin.AGENTS,
+    "ros2 simulate --plant": BODIES,
+    "ros2 demo --plant": BODIES,
+}
+"""Where fewer names are allowed."""
+
+
+@pytest.mark.parametrize(
+    ("flag", "names"),
+    [
+        ("--noise", NOISES),
+        ("--start", STARTS),
+        ("--condition", CONDITIONS),
+        ("--plant", PLANTS),
+        ("--noises", NOISES),
+        ("--format", FORMATS),
+        ("--agents", AGENTS),
+    ],
+)
+def test_help_names_what_is_allowed(flag, names, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")
+    having = [name for name, parser in LEAVES.items() if flag in parser._option_string_actions]
+    assert having
+    for name in having:
+        shown = shown_by(f"{name} --help", capsys)
+        (line,) = [line for line in shown.splitlines() if line.startswith(f"  {flag} ")]
+        wanted = set(names) & set(EXCEPTIONS.get(f"{name} {flag}", names))
+        assert {n for n in names if n in line} == wanted, line
+
+
+def test_the_names_of_settings_are_those_that_agents_have():
+    assert {label for agent in AGENTS for label in AGENTS.settings(agent)} == set(LABELS)
+
+
+def test_options_of_a_task_are_read_back():
+    parser = Parser()
+    add_task_options(parser)
+    assert TaskSpec.from_data(task_of(parser.parse([]))) == TaskSpec()
+    line = "--noise all-5 --start zero --condition delay-1 --steps 7 --trials 3"
+    line += " --parameter half_length=1 --parameter force=12.5"
+    parameters = Parameters(half_length=1.0, force=12.5)
+    wanted = TaskSpec("all-5", "zero", "delay-1", 7, 3, parameters)
+    assert TaskSpec.from_data(task_of(parser.parse(line.split()))) == wanted
+
+
+LAST_ARGUMENTS = {"learn": ["reinforce"], "tune": ["reinforce"], "play": ["policy.npz"]}
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["learn", "table", "play", "tune", "leaderboard", "robust", "ros2 simulate", "ros2 demo"],
+)
+def test_every_parameter_of_the_plant_can_be_set(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1000")
+    shown = shown_by(f"{command} --help", capsys)
+    for name in Parameters._fields if "ros2" not in command else ():
+        assert f"{name} [" in shown
+    line = [*command.split(), *LAST_ARGUMENTS.get(command, [])]
+    line += ["--parameter", "half_length=1.0", "--parameter", "pole-mass=0.2"]
+    options = make_parser().parse(line)
+    assert options.parameters == ["half_length=1.0", "pole-mass=0.2"]
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("half_length", "--parameter is 'half_length'; it must be NAME=VALUE"),
+        ("length=1", "parameter is 'length'; it must be one of gravity"),
+        ("half_length=long", "half_length is 'long'; it must be a number"),
+        ("half_length=-1", "half_length is -1.0; it must be a number, above 0"),
+        ("half_length=nan", "half_length is nan; it must be a number, above 0"),
+    ],
+)
+def test_an_impossible_parameter_is_refused_by_name(text, named, capsys):
+    assert run(["learn", "random-search", "--parameter", text]) == BAD_USE
+    assert named in capsys.readouterr().err
+
+
+def test_options_of_a_trained_task_are_read_back_where_they_are_given():
+    parser = Parser()
+    add_task_options(parser, ("--noise", "--start"), as_trained=True)
+    assert task_of(parser.parse([])) == {}
+    assert task_of(parser.parse(["--start", "wide"])) == {"start": "wide"}
+
+
+def test_options_that_a_command_lacks_are_not_read():
+    parser = Parser()
+    add_task_options(parser, ("--steps", "--trials"))
+    assert task_of(parser.parse([])) == {"steps": STEPS, "trials": TRIALS}
+
+
+# ------------------------------------------------------------------------------ did you mean
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("lern reinforce", "learn"),
+        ("ros2 simulte", "simulate"),
+        ("learn reinforse", "reinforce"),
+        ("learn Q_Learning", "q-learning"),
+        ("learn reinforce --noise gausian-0.1", "gaussian-0.1"),
+        ("learn reinforce --start rondom", "random"),
+        ("learn reinforce --condition varied-plants", "varied-plant"),
+        ("learn reinforce --plant-set integrator=semi_implicit", "semi-implicit"),
+        ("learn reinforce --parameter half-lenght=1", "half_length"),
+        ("learn reinforce --settings published", "as-published"),
+        ("learn reinforce --set learning-rat=1", "learning_rate"),
+        ("learn reinforce --plant mujco", "mujoco"),
+        ("learn reinforce --plant mujoco --plant-set physics_steps=1", "physics_step"),
+        ("table --agents reinforce,qlearning", "q-learning"),
+        ("table --noises none,sensr-5", "sensor-5"),
+        ("table --format markdwn", "markdown"),
+        ("plot curvs runs.sqlite", "curves"),
+        ("plants equation", "equations"),
+        ("ros2 simulate --plant gazbo", "gazebo"),
+        ("export policy.npz policy.onx", ".onnx"),
+        ("completion bsh", "bash"),
+        ("learn reinforce --niose none", "--noise"),
+        ("matlab table --noizes none", "--noises"),
+    ],
+)
+def test_an_unknown_name_is_answered_with_the_nearest(line, meant, capsys):
+    try:
+        status = run(line.split())
+    except SystemExit as refusal:
+        status = refusal.code
+    error = capsys.readouterr().err
+    assert status == BAD_USE
+    assert error.count("\n") == 1
+    assert f"; did you mean {meant!r}?" in error
+
+
+@pytest.mark.parametrize("line", ["dance", "learn nobody", "learn reinforce --fast", "plants 7"])
+def test_a_name_that_is_like_no_other_is_answered_with_no_guess(line, capsys):
+    try:
+        status = run(line.split())
+    except SystemExit as refusal:
+        status = refusal.code
+    assert status == BAD_USE
+    assert "did you mean" not in capsys.readouterr().err
+
+
+def test_an_option_may_be_shortened_as_before():
+    options = make_parser().parse(["learn", "reinforce", "--nois", "all-5", "--cond=delay-1"])
+    assert (options.noise, options.condition) == ("all-5", "delay-1")
+
+
+def test_an_unknown_option_before_the_command_is_refused(capsys):
+    with pytest.raises(SystemExit) as refusal:
+        run(["--fast", "learn", "reinforce"])
+    assert refusal.value.code == BAD_USE
+    assert "unrecognized arguments: --fast" in capsys.readouterr().err
+
+
+def test_the_examples_in_docstrings_of_errors_are_true():
+    found = doctest.testmod(upright.errors, extraglobs={"upright": upright})
+    assert found.attempted
+    assert not found.failed
+
+
+def test_every_argument_of_every_command_is_walked():
+    walked = list(actions(make_parser()))
+    assert len(walked) > sum(len(parser._actions) for parser in ALL.values())
