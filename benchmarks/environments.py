@@ -72,9 +72,9 @@ def in_c(count: int, library: ctypes.CDLL) -> Contender:
     """Return the same in C, begun where ours begins."""
     envs = ours(count).unwrapped
     first, _ = envs.reset(seed=SEED)
-    lanes = envs._lanes
+    batch = envs._batch
     memory = CLanes(
-        *map(address, (lanes.states, lanes.words, lanes.steps, lanes.ended)),
+        *map(address, (batch.states, batch.words, batch.steps, batch.ended)),
         count,
         envs.rules.steps,
     )

@@ -165,7 +165,7 @@ def test_states_beyond_all_limits_can_be_drawn(state):
     pixels = draw(state, measured=State(*[math.inf] * 4), force=1e9)
     number = all(map(math.isfinite, state))
     assert (len(places(pixels, CART)[0]) > 0) == number
-    assert ("no number" in text_picture(NOMINAL, Scene(state))) != number
+    assert ("not finite" in text_picture(NOMINAL, Scene(state))) != number
     assert (draw(force=math.nan) == draw(at(math.nan))).all()
 
 
@@ -196,7 +196,7 @@ def test_without_pygame_only_text_can_be_drawn(monkeypatch, tmp_path):
 
 def test_the_original_pygame_is_refused(monkeypatch):
     monkeypatch.delattr(pygame, "IS_CE")
-    with pytest.raises(UprightError, match="needs pygame-ce, but there is pygame"):
+    with pytest.raises(UprightError, match="needs pygame-ce, but pygame is installed"):
         draw()
 
 

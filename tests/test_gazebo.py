@@ -177,7 +177,7 @@ def test_a_trial_goes_on_when_its_server_is_killed(make, capsys):
             os.kill(plant._server._process.pid, signal.SIGKILL)
         states.append(plant.step(force))
     assert np.allclose(states, expected, atol=1e-9)
-    assert "it is started again" in capsys.readouterr().err
+    assert "restarting it" in capsys.readouterr().err
 
 
 def test_a_server_that_cannot_be_started_again_ends_the_run(make, monkeypatch):

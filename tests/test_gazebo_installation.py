@@ -16,7 +16,7 @@ from upright.plants.gazebo.installation import LIBRARY, environment, find_gazebo
 from upright.plants.gazebo.installer import (
     Apt,
     Package,
-    bring,
+    install_packages,
     machine_mirror,
     mirrors_in_list,
     mirrors_in_sources,
@@ -68,7 +68,7 @@ def unpacked_gazebo(folder):
 
 
 def test_a_missing_gazebo_is_reported_with_the_remedy(folder):
-    with pytest.raises(UprightError, match="missing; `upright gazebo install` brings it"):
+    with pytest.raises(UprightError, match="missing; `upright gazebo install` installs it"):
         find_gazebo()
 
 
@@ -162,7 +162,7 @@ def test_mirrors_of_debian_are_distinguished_from_other_sources():
 
 
 def test_the_mirror_of_the_machine(tmp_path):
-    with pytest.raises(UprightError, match="no mirror of Debian's archive; name one by --mirror"):
+    with pytest.raises(UprightError, match="no mirror of Debian's archive; name one with --mirror"):
         machine_mirror(tmp_path)
     parts = tmp_path / "sources.list.d"
     parts.mkdir()
@@ -220,7 +220,7 @@ def test_the_reason_is_the_first_error():
     assert reason("Get:1\nE: no network\nE: more\n") == "E: no network"
     assert reason("a.cc:1: fatal error: x.hh missing\nmake: stopped\n").startswith("a.cc:1")
     assert reason("one\ntwo\n") == "two"
-    assert reason("") == "nothing"
+    assert reason("") == "no output"
 
 
 @needs_debian
@@ -232,7 +232,7 @@ def test_an_archive_that_debian_did_not_sign_is_refused(folder, tmp_path, releas
         (place / "Release").write_text(release)
     folder.mkdir()
     with pytest.raises(UprightError, match=f"{why}.*--mirror names another"):
-        bring(f"file://{tmp_path}/mirror")
+        install_packages(f"file://{tmp_path}/mirror")
 
 
 # Unpacking
@@ -276,9 +276,9 @@ def deb(place, name):
 @needs_debian
 def test_an_interrupted_installation_can_be_resumed(folder, archive, tmp_path, capsys):
     with pytest.raises(KeyboardInterrupt):
-        bring("http://mirror.example/debian")
+        install_packages("http://mirror.example/debian")
     assert not (folder / "complete").exists()
-    bring("http://mirror.example/debian")
+    install_packages("http://mirror.example/debian")
     assert archive == ["one", "two", "three"]
     assert {path.name for path in (folder / "prefix/usr/share").iterdir()} == {*archive}
     assert (folder / "complete").exists()
@@ -300,8 +300,8 @@ def test_unpacked_packages_are_not_unpacked_again(folder, archive, tmp_path, mon
     archive.append("nothing")  # not interrupted
     monkeypatch.setattr(installer, "_run", fails_once)
     with pytest.raises(UprightError, match="full"):
-        bring("http://mirror.example/debian")
-    bring("http://mirror.example/debian")
+        install_packages("http://mirror.example/debian")
+    install_packages("http://mirror.example/debian")
     names = [name.split("_")[0] for name in unpacked]
     assert names == ["one", "two", "two", "three"]
     assert archive == ["nothing", "one", "two", "three"]
@@ -310,10 +310,10 @@ def test_unpacked_packages_are_not_unpacked_again(folder, archive, tmp_path, mon
 @needs_debian
 def test_a_damaged_package_is_fetched_again(folder, archive, tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        bring("http://mirror.example/debian")
+        install_packages("http://mirror.example/debian")
     first = folder / "apt/archives/one_1_all.deb"
     first.write_bytes(bytes(first.stat().st_size))
-    bring("http://mirror.example/debian")
+    install_packages("http://mirror.example/debian")
     assert archive == ["one", "one", "two", "three"]
 
 
@@ -321,14 +321,14 @@ def test_a_damaged_package_is_fetched_again(folder, archive, tmp_path):
 def test_a_full_disk_is_reported_before_the_download(folder, archive, monkeypatch):
     monkeypatch.setattr(installer, "SPARE", 10**18)
     with pytest.raises(UprightError, match=r"free; Gazebo 11 needs 1000000000\.0 GB"):
-        bring("http://mirror.example/debian")
+        install_packages("http://mirror.example/debian")
     assert archive == []
 
 
 def test_other_processors_are_refused(folder, monkeypatch):
     monkeypatch.setattr("platform.machine", lambda: "riscv64")
     with pytest.raises(UprightError, match="processor is 'riscv64'"):
-        bring("http://mirror.example/debian")
+        install_packages("http://mirror.example/debian")
 
 
 # Building
@@ -363,7 +363,7 @@ def test_the_plugin_is_built_once(folder, tmp_path, monkeypatch, capsys):
     (installation.sources() / "stepper.cc").write_text("int two\n")
     program(tmp_path / "bin/cmake", "echo 'stepper.cc:1: error: expected ;' >&2; exit 1")
     assert run(["gazebo", "install"]) == 2
-    assert "cmake ended with status 1; it said: stepper.cc:1: error" in capsys.readouterr().err
+    assert "cmake exited with status 1: stepper.cc:1: error" in capsys.readouterr().err
 
 
 def test_missing_headers_are_reported(folder, tmp_path):
@@ -380,9 +380,9 @@ def test_two_installations_exclude_each_other(folder):
     folder.mkdir()
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(UprightError, match="another installation is at work"):
+        with pytest.raises(UprightError, match="another installation is in progress"):
             installer.install()
-        with pytest.raises(UprightError, match="another installation is at work"):
+        with pytest.raises(UprightError, match="another installation is in progress"):
             remove()
 
 
@@ -409,7 +409,7 @@ def test_the_doctor_on_an_empty_machine(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert run(["gazebo", "doctor"]) == 1
     told = capsys.readouterr().out
-    assert "missing  Gazebo 11: `upright gazebo install` brings it" in told
+    assert "missing  Gazebo 11: `upright gazebo install` installs it" in told
     assert "missing  cmake: to build the plugin: apt-get install cmake" in told
     assert "missing  Xvfb: " in told
     assert "disk space" in told

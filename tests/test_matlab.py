@@ -408,10 +408,10 @@ def test_without_octave_one_line_says_how_to_get_it(monkeypatch, capsys, tmp_pat
 def test_a_failing_program_is_named_with_its_message(monkeypatch, capsys, tmp_path):
     fake_program(tmp_path, monkeypatch, "echo 'some words'; echo 'error: out of memory'; exit 3")
     line = refusal(capsys)
-    assert "some-octave ended with status 3" in line
+    assert "some-octave exited with status 3" in line
     assert "error: out of memory" in line
     fake_program(tmp_path, monkeypatch, "exit 0")
-    assert "ended without 2 of its runs" in refusal(capsys)
+    assert "exited without making 2 of its runs" in refusal(capsys)
 
 
 def test_what_the_twin_cannot_do_is_refused(capsys):

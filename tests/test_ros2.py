@@ -341,7 +341,7 @@ def test_a_killed_simulator_ends_the_learner(simulator, start):
     simulator.kill()
     status, _, told = finish(learner)
     assert status == BAD_USE
-    assert re.search("no joint_states came for 0.5 s; the cart was stopped|did not answer", told)
+    assert re.search("no joint_states arrived for 0.5 s; the cart was stopped|did not answer", told)
 
 
 def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
@@ -351,7 +351,7 @@ def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
     status, _, told = finish(learner)
     simulator.send_signal(signal.SIGCONT)
     assert status == BAD_USE
-    assert re.search("no joint_states came for 0.3 s; the cart was stopped|did not answer", told)
+    assert re.search("no joint_states arrived for 0.3 s; the cart was stopped|did not answer", told)
     hand.reset()  # the simulator still works
 
 

@@ -171,7 +171,7 @@ def test_the_best_is_the_least_of_the_finished(whole):
     found, path = whole
     rows = tried(path)
     assert found.candidates == len(rows) == 14
-    assert found.given_up == sum(state == "PRUNED" for state, *_ in rows) > 0
+    assert found.pruned == sum(state == "PRUNED" for state, *_ in rows) > 0
     assert found.mean_trials == min(value for state, _, value in rows if state == "COMPLETE")
 
 
@@ -371,7 +371,7 @@ def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys
         assert run([*line, "--search", "theta_scale", "--search", "x_dot_scale"]) == 0
         shown = capsys.readouterr().out
         assert f"best of {candidates} candidates" in shown
-        assert "a failed one counted as 1,000" in shown
+        assert "a failed run counts as 1,000" in shown
         assert shown.count("9 of 9 runs succeeded") == 2
         assert "upright learn random-search --set x_scale=2.0" in shown
         assert "\nRandomSearch(x_scale=2.0" in shown

@@ -1,4 +1,4 @@
-"""The arguments that all environments share, checked."""
+"""Checks the arguments that all environments share."""
 
 import math
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ from upright.core.cartpole import INTEGRATORS, has_fallen
 from upright.core.conditions import NOISES, STARTS, Noise
 from upright.core.parameters import Parameters, State, check_parameters, make_parameters
 from upright.environments import batch
-from upright.environments.batch import (
-    Rules,
-)
+from upright.environments.batch import Rules
 from upright.errors import UprightError, require, require_one_of
 
 REWARDS = {"survival": (1.0, 0.0), "failure": (0.0, -1.0)}
-"""What a step is worth, and a fall on top of it: Gymnasium's convention, and the papers'."""
+"""Reward of each step, and of a fall in addition: Gymnasium's convention, and the papers'."""
 DTYPES = ("float32", "float64")
 """Types of an observation."""
 FRAMES_PER_SECOND = 50
+NO_RENDER_MODE = "render() shows nothing; pass a render_mode when making the environment"
+"""Warning for environments that were made without a render mode."""
 NO_LIMIT = 2**62
-"""More steps than anybody will make."""
+"""A limit on steps that is never reached."""
 
 Array = NDArray[Any]
 
@@ -42,7 +42,7 @@ def make_rules(
     Raises
     ------
     UprightError
-        If a name is unknown, a parameter is impossible, or a size of the noise is none.
+        If a name is unknown, or a parameter or a size of the noise is impossible.
     """
     if not isinstance(noise, Noise):
         require_one_of("noise", noise, NOISES)
@@ -73,7 +73,7 @@ def _numbers(values: Any) -> list[str]:
 
 
 def _in_floats(values: Any) -> Any:
-    """Return a tuple with float for int, which compiled code tells apart."""
+    """Return a tuple with ints converted to floats, as compiled code distinguishes the two."""
     return values._replace(**{name: float(getattr(values, name)) for name in _numbers(values)})
 
 
@@ -100,12 +100,17 @@ def check_render_mode(mode: str | None, metadata: dict[str, Any]) -> None:
 
 
 def check_state(parameters: Parameters, state: Any) -> Array:
-    """Return a true state that was asked for, or several; shape (4,) or (n, 4), float64.
+    """Return one or several requested start states as an array.
+
+    Returns
+    -------
+    np.ndarray
+        Shape (4,) or (n, 4), float64.
 
     Raises
     ------
     UprightError
-        If it has another shape or is no number, or the pole has fallen.
+        If the shape is another, a number is not finite, or the pole has fallen in a state.
     """
     try:
         states = np.array(state, np.float64)
@@ -113,19 +118,19 @@ def check_state(parameters: Parameters, state: Any) -> Array:
         raise UprightError(f"state is {state!r}; it must be four numbers") from None
     if states.shape[-1:] != (4,) or not np.isfinite(states).all():
         raise UprightError(f"state is {state!r}; it must be four finite numbers")
-    for each in states.reshape(-1, 4):
-        if has_fallen(parameters, State(*each.tolist())):
-            raise UprightError(f"state is {each.tolist()!r}; there the pole has fallen")
+    for values in states.reshape(-1, 4).tolist():
+        if has_fallen(parameters, State(*values)):
+            raise UprightError(f"state is {values!r}; the pole has fallen in it")
     return states
 
 
 def check_options(options: dict[str, Any] | None, *allowed: str) -> dict[str, Any]:
-    """Return the options of a reset, none if there are none.
+    """Return the options of a reset, empty if there are none.
 
     Raises
     ------
     UprightError
-        If one is unknown.
+        If an option is unknown.
     """
     for name in options or {}:
         require_one_of("option", name, allowed)

@@ -1,8 +1,9 @@
-"""Many environments at once, in lanes: what the vector environment computes.
+"""The compiled loop of the vector environment, which steps a batch of environments.
 
-A lane is an environment: a cart-pole, a stream of random numbers, a count of steps. Batch lie side
-by side in memory, so that the processor works on several at a time. Each goes through exactly what
-the scalar environment of the same seed goes through: the plant and the noise are the package's own.
+A lane of the batch is one environment: a cart-pole, a stream of random numbers, a count of steps.
+Lanes lie side by side in memory, so that the processor works on several at a time. Each goes
+through exactly the same states as the scalar environment with the same seed, because both use the
+package's own plant and noise.
 """
 
 from typing import NamedTuple
@@ -17,13 +18,13 @@ from upright.core.noise import disturb, draw_start, measure
 from upright.core.parameters import Parameters, State
 
 NEXT_STEP, SAME_STEP, DISABLED = range(3)
-"""When a lane that ended starts again: instead of the next step, right away, or when told to."""
+"""When a lane whose episode ended restarts: instead of its next step, at once, or on request."""
 WRONG_ACTION, ENDED = -1, -2
-"""Why no step was made."""
+"""Reasons why no step was made."""
 
 
 class Rules(NamedTuple):
-    """What all lanes have in common."""
+    """The task that all lanes share."""
 
     parameters: Parameters
     integrator: int
@@ -34,15 +35,18 @@ class Rules(NamedTuple):
     step_reward: float
     """Reward for each step."""
     fall_reward: float
-    """Added to it when the step ends by a fall."""
+    """Added to it if the step ends in a fall."""
     steps: int
-    """After so many steps an episode is truncated."""
+    """Number of steps after which an episode is truncated."""
     autoreset: int
     """NEXT_STEP, SAME_STEP or DISABLED."""
 
 
 class Batch(NamedTuple):
-    """The memory of n lanes."""
+    """The memory of n lanes.
+
+    The last three arrays are scratch space for the part of the lanes that is being stepped.
+    """
 
     states: np.ndarray
     """True states, shape (4, n), float64."""
@@ -53,15 +57,15 @@ class Batch(NamedTuple):
     ended: np.ndarray
     """Whether an episode has ended and the next has not begun, shape (n,), bool."""
     forces: np.ndarray
-    """Room for the forces [N] on a part of the lanes, shape (PART,), float64."""
+    """Forces [N], shape (PART,), float64."""
     due: np.ndarray
-    """Room for the numbers of lanes in it that begin_episode again, shape (PART,), int64."""
+    """Numbers of the lanes that are due to begin an episode, shape (PART,), int64."""
     kept_words: np.ndarray
-    """Room for their streams, shape (4, PART), uint64."""
+    """States of the streams of the lanes that are due, shape (4, PART), uint64."""
 
 
 class Outcome(NamedTuple):
-    """What a step of n lanes leads to."""
+    """The outcome of a step of n lanes."""
 
     observations: np.ndarray
     """Shape (4, n), float32 or float64."""
@@ -72,18 +76,19 @@ class Outcome(NamedTuple):
     truncations: np.ndarray
     """Shape (n,), bool."""
     states: np.ndarray
-    """True states; shape (4, n), or (4, 0) if not asked for, float64."""
+    """True states; shape (4, n), or (4, 0) if not requested, float64."""
     final_observations: np.ndarray
-    """Observations before lanes that ended began again; (4, n), or (4, 0) if not asked for."""
+    """Last observations of episodes that ended; shape (4, n), or (4, 0) if not requested."""
     final_states: np.ndarray
-    """True states then, alike, float64."""
+    """Last true states of episodes that ended; shape (4, n) or (4, 0) likewise, float64."""
 
 
 class Stream(NamedTuple):
     """The random numbers of one lane: NumPy's SFC64 (C. Doty-Humphrey's small fast chaotic).
 
-    Additions, shifts and exclusive ors alone, so that several lanes are served at a time. It draws
-    what ``numpy.random.Generator(numpy.random.SFC64(seed))`` does.
+    The generator consists of additions, shifts and exclusive ors only, so the processor can serve
+    several lanes at a time. It draws the same numbers as
+    ``numpy.random.Generator(numpy.random.SFC64(seed))``.
     """
 
     a: np.ndarray
@@ -94,7 +99,7 @@ class Stream(NamedTuple):
 
     @compiled
     def random(self):
-        """Return a number from 0 to below 1."""
+        """Return a number in [0, 1)."""
         a, b, c, counter, i = self
         word = a[i] + b[i] + counter[i]
         counter[i] += np.uint64(1)
@@ -104,8 +109,8 @@ class Stream(NamedTuple):
         return np.int64(word >> np.uint64(11)) * 2.0**-53
 
 
-def make_lanes(count: int) -> Batch:
-    """Return the memory of so many lanes, which have yet to be seeded and reset."""
+def make_batch(count: int) -> Batch:
+    """Return the memory of this many lanes, which have yet to be seeded and reset."""
     return Batch(
         states=np.full((4, count), np.nan),
         words=np.zeros((4, count), np.uint64),
@@ -124,73 +129,73 @@ def seed_words(seed: np.random.SeedSequence) -> np.ndarray:
 
 
 @compiled
-def step_lanes(rules: Rules, lanes: Batch, actions: np.ndarray, outcome: Outcome) -> int:
-    """Make one step of every lane.
+def step_batch(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome) -> int:
+    """Make one step in every lane.
 
     Parameters
     ----------
     actions
         0 or 1, shape (n,), int64; or forces [N], shape (n, 1), float32.
     outcome
-        Where results are written.
+        Arrays that the results are written to.
 
     Returns
     -------
     int
-        How many lanes began again; WRONG_ACTION or ENDED if no step was made.
+        Number of lanes that restarted; WRONG_ACTION or ENDED if no step was made.
     """
     if count_wrong(rules.parameters.force, actions) > 0:
         return WRONG_ACTION
-    if rules.autoreset == DISABLED and count_true(lanes.ended) > 0:
+    if rules.autoreset == DISABLED and count_true(batch.ended) > 0:
         return ENDED
-    begun = 0
-    for first in range(0, len(lanes.steps), PART):
-        end = min(first + PART, len(lanes.steps))
+    restarts = 0
+    for first in range(0, len(batch.steps), PART):
+        end = min(first + PART, len(batch.steps))
         due = 0
-        if rules.autoreset == NEXT_STEP:  # what the lanes due draw in this step is taken back
-            due = list_ended(lanes, first, end)
+        if rules.autoreset == NEXT_STEP:  # lanes that are due draw in this step: undo that below
+            due = list_ended(batch, first, end)
             for k in range(due):
-                copy_column(lanes.words, lanes.due[k], lanes.kept_words, k)
-        push(rules, lanes, actions, first, end)
-        move(rules, lanes, first, end)
-        score_step(rules, lanes, outcome, first, end)
-        observe_part(rules.noise, lanes, outcome.observations, first, end)
+                copy_column(batch.words, batch.due[k], batch.kept_words, k)
+        push(rules, batch, actions, first, end)
+        move(rules, batch, first, end)
+        score_step(rules, batch, outcome, first, end)
+        observe_part(rules.noise, batch, outcome.observations, first, end)
         if rules.autoreset == SAME_STEP:
-            due = list_ended(lanes, first, end)
+            due = list_ended(batch, first, end)
             copy_part(outcome.observations, outcome.final_observations, first, end)
             if outcome.final_states.shape[1] > 0:
-                copy_part(lanes.states, outcome.final_states, first, end)
+                copy_part(batch.states, outcome.final_states, first, end)
         for k in range(due):
             if rules.autoreset == NEXT_STEP:
-                copy_column(lanes.kept_words, k, lanes.words, lanes.due[k])
-            draw_state(rules, lanes, lanes.due[k])
-            begin_episode(rules, lanes, outcome.observations, lanes.due[k])
-        begun += due
+                copy_column(batch.kept_words, k, batch.words, batch.due[k])
+            draw_state(rules, batch, batch.due[k])
+            begin_episode(rules, batch, outcome.observations, batch.due[k])
+        restarts += due
         if outcome.states.shape[1] > 0:
-            copy_part(lanes.states, outcome.states, first, end)
-    return begun
+            copy_part(batch.states, outcome.states, first, end)
+    return restarts
 
 
 @compiled
-def reset_lanes(
-    rules: Rules, lanes: Batch, chosen: np.ndarray, draws: bool, observations: np.ndarray
+def reset_batch(
+    rules: Rules, batch: Batch, chosen: np.ndarray, draws: bool, observations: np.ndarray
 ) -> None:
     """Begin new episodes.
 
     Parameters
     ----------
     chosen
-        Which lanes, shape (n,), bool.
+        The lanes to reset, shape (n,), bool.
     draws
-        Whether start states are drawn; otherwise they stand in ``lanes.states``.
+        Whether start states are drawn; otherwise they are already in ``batch.states``.
     observations
-        Where the measurements of these lanes are written, shape (4, n).
+        Array that the measurements of these lanes are written to, shape (4, n).
     """
     for i in range(len(chosen)):
         if chosen[i]:
             if draws:
-                draw_state(rules, lanes, i)
-            begin_episode(rules, lanes, observations, i)
+                draw_state(rules, batch, i)
+            begin_episode(rules, batch, observations, i)
 
 
 @compiled
@@ -201,13 +206,13 @@ def stream(words, i):
 
 @compiled
 def rows(array, first, end):
-    """Return the four rows of a part of the lanes; to functions that compiled code calls only."""
+    """Return the four rows of a part of the lanes; usable only by functions called compiled."""
     return array[0, first:end], array[1, first:end], array[2, first:end], array[3, first:end]
 
 
 @compiled
 def copy_part(source, target, first, end):
-    """Copy the four rows of a part."""
+    """Copy the four rows of a part of the lanes."""
     for row in range(4):
         copied, copies = source[row, first:end], target[row, first:end]
         for i in range(len(copied)):
@@ -216,7 +221,7 @@ def copy_part(source, target, first, end):
 
 @compiled
 def copy_column(source, i, target, k):
-    """Copy what belongs to one lane."""
+    """Copy the column of one lane."""
     for row in range(4):
         target[row, k] = source[row, i]
 
@@ -243,44 +248,44 @@ def count_wrong(force, actions):
 
 
 @compiled
-def list_ended(lanes, first, end):
-    """List the lanes of a part whose episodes have ended; return how many."""
-    count, ended = 0, lanes.ended[first:end]
-    for i in range(len(ended)):  # without a branch, which nothing could predict
-        lanes.due[count] = first + i
+def list_ended(batch, first, end):
+    """List the lanes of a part whose episodes have ended in ``batch.due``; return how many."""
+    count, ended = 0, batch.ended[first:end]
+    for i in range(len(ended)):  # no branch, which the processor could not predict
+        batch.due[count] = first + i
         count += ended[i]
     return count
 
 
 @compiled
-def push(rules, lanes, actions, first, end):
-    """Set the forces that act on a part."""
-    forces, chosen, force = lanes.forces[: end - first], actions[first:end], rules.parameters.force
+def push(rules, batch, actions, first, end):
+    """Set the forces that act on a part of the lanes."""
+    forces, chosen, force = batch.forces[: end - first], actions[first:end], rules.parameters.force
     for i in range(len(chosen)):
         if actions.ndim == 1:
             forces[i] = force if chosen[i] == 1 else -force
         else:
             forces[i] = chosen[i, 0]
     if rules.noise.actuator > 0.0:
-        a, b, c, counter = rows(lanes.words, first, end)
+        a, b, c, counter = rows(batch.words, first, end)
         for i in range(len(forces)):
             forces[i] = disturb(rules.noise, forces[i], Stream(a, b, c, counter, i))
 
 
 @compiled
-def move(rules, lanes, first, end):
-    """Move the cart-poles of a part."""
-    states, forces = rows(lanes.states, first, end), lanes.forces[: end - first]
+def move(rules, batch, first, end):
+    """Move the cart-poles of a part of the lanes."""
+    states, forces = rows(batch.states, first, end), batch.forces[: end - first]
     step_part(rules.parameters, states, forces, rules.integrator)
 
 
 @compiled
-def score_step(rules, lanes, outcome, first, end):
-    """Set rewards and ends of a part; lanes whose episodes had ended before make no step."""
-    x, x_dot, theta, theta_dot = rows(lanes.states, first, end)
+def score_step(rules, batch, outcome, first, end):
+    """Set rewards and endings in a part; lanes whose episodes had already ended make no step."""
+    x, x_dot, theta, theta_dot = rows(batch.states, first, end)
     steps, ended, rewards = (
-        lanes.steps[first:end],
-        lanes.ended[first:end],
+        batch.steps[first:end],
+        batch.ended[first:end],
         outcome.rewards[first:end],
     )
     terminations = outcome.terminations[first:end]
@@ -296,9 +301,13 @@ def score_step(rules, lanes, outcome, first, end):
 
 
 @compiled
-def observe_part(noise, lanes, observations, first, end):
-    """Measure a part; with what is known of the noise, so that no lane need ask."""
-    states, words = rows(lanes.states, first, end), rows(lanes.words, first, end)
+def observe_part(noise, batch, observations, first, end):
+    """Measure a part of the lanes.
+
+    The common kinds of noise are passed with zeros as constants, so that the compiler removes the
+    branches on the noise from the loop over lanes.
+    """
+    states, words = rows(batch.states, first, end), rows(batch.words, first, end)
     seen = rows(observations, first, end)
     scaled, others = noise.angle > 0.0, noise.others > 0.0
     shifted, hidden = noise.angle_offset > 0.0, noise.hides_velocities
@@ -316,7 +325,7 @@ def observe_part(noise, lanes, observations, first, end):
 
 @compiled
 def observe(noise, states, words, seen):
-    """Measure lanes."""
+    """Measure the states of lanes and write the results to the rows `seen`."""
     x, x_dot, theta, theta_dot = states
     a, b, c, counter = words
     for i in range(len(x)):
@@ -326,20 +335,20 @@ def observe(noise, states, words, seen):
 
 
 @compiled
-def draw_state(rules, lanes, i):
-    """Put a lane into a start state."""
-    state = draw_start(rules.start, stream(lanes.words, i))
+def draw_state(rules, batch, i):
+    """Put a lane into a start state that is drawn at random."""
+    state = draw_start(rules.start, stream(batch.words, i))
     for row in range(4):
-        lanes.states[row, i] = state[row]
+        batch.states[row, i] = state[row]
 
 
 @compiled
-def begin_episode(rules, lanes, observations, i):
-    """Begin an episode of a lane from the state it is in, with a measurement."""
-    states = lanes.states
-    lanes.steps[i] = 0
-    lanes.ended[i] = False
+def begin_episode(rules, batch, observations, i):
+    """Begin an episode of a lane from its present state, and measure that."""
+    states = batch.states
+    batch.steps[i] = 0
+    batch.ended[i] = False
     true = State(states[0, i], states[1, i], states[2, i], states[3, i])
-    observation = measure(rules.noise, true, stream(lanes.words, i))
+    observation = measure(rules.noise, true, stream(batch.words, i))
     for row in range(4):
         observations[row, i] = observation[row]

@@ -14,6 +14,7 @@ from upright.core.noise import disturb, draw_start, measure
 from upright.core.parameters import Parameters, State
 from upright.environments.arguments import (
     FRAMES_PER_SECOND,
+    NO_RENDER_MODE,
     Array,
     check_options,
     check_render_mode,
@@ -30,16 +31,16 @@ from upright.pictures.text import text_picture
 from upright.pictures.window import Window
 
 _NO_WORD = np.zeros(1, np.uint64)
-NOTHING_DRAWN = Stream(_NO_WORD, _NO_WORD, _NO_WORD, _NO_WORD, 0)
-"""Stands for random numbers where none are drawn."""
+UNUSED_STREAM = Stream(_NO_WORD, _NO_WORD, _NO_WORD, _NO_WORD, 0)
+"""Passed as random numbers where none are drawn."""
 
 
-class StreamOfLane(np.random.SFC64):
-    """What a lane draws from; its state can be compared, as Gymnasium's checks do."""
+class LaneStream(np.random.SFC64):
+    """The bit generator of a lane, with a state that Gymnasium's checks can compare."""
 
     @property
     def state(self) -> Any:
-        """All that determines what is drawn next, in plain numbers."""
+        """The state of the generator, in plain numbers."""
         whole = super().state
         return whole | {"state": {"state": tuple(whole["state"]["state"].tolist())}}
 
@@ -54,37 +55,40 @@ class StreamOfLane(np.random.SFC64):
 def advance(
     rules: Rules, state: State, force: float, rng: np.random.Generator
 ) -> tuple[State, State, float, bool]:
-    """Return the state after a push of a force [N], what is seen of it, and the force that acted.
+    """Apply a force [N] for one time step.
 
-    The last tells whether the pole has fallen.
+    Returns
+    -------
+    tuple
+        The next state, its measurement, the force that acted [N], and whether the pole has fallen.
     """
     acting = disturb(rules.noise, force, rng)
     state = step(rules.parameters, state, acting, rules.integrator)
-    seen = measure(rules.noise, state, rng)
-    return state, seen, acting, has_fallen(rules.parameters, state)
+    measured = measure(rules.noise, state, rng)
+    return state, measured, acting, has_fallen(rules.parameters, state)
 
 
 class CartPoleEnv(gymnasium.Env[Array, Any]):
-    """A cart-pole with friction and noise, as the published tables have it.
+    """A cart-pole with friction and noise, as in the published tables.
 
     Observation: ``(x, x_dot, theta, theta_dot)`` as measured [m, m/s, rad, rad/s]. Action: 0 pushes
     left, 1 right; with `continuous` the force itself [N]. An episode ends when the true state
-    leaves ±2.4 m or ±12°. Under noise, ``info["state"]`` has the true state.
+    leaves ±2.4 m or ±12°. Under noise, ``info["state"]`` is the true state.
 
     Parameters
     ----------
     noise
-        Name of a noise case, or a `Noise` of one's own.
+        Name of a noise case, or a custom `Noise`.
     start
-        Name of a start, or half-widths of one's own.
+        Name of a start, or custom half-widths of the start state.
     parameters
-        The plant, or those of its parameters that differ.
+        The plant's parameters, or only those that differ from the published ones.
     reward
         "survival": 1 for every step; or "failure": -1 for the step of the fall, else 0.
     continuous
         Whether an action is a force.
     dtype
-        Type of observations; the plant always computes in float64.
+        Type of the observations; the plant always computes in float64.
     render_mode
         "human", "rgb_array", "ansi" or None.
     integrator
@@ -93,7 +97,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
     Raises
     ------
     UprightError
-        If an argument is none of the allowed ones.
+        If an argument is not one of the allowed values.
 
     Examples
     --------
@@ -103,7 +107,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
     >>> reward, fallen
     (1.0, False)
 
-    Through Gymnasium, which ends an episode after 60,000 steps unless told otherwise:
+    Through Gymnasium, which truncates an episode after 60,000 steps by default:
 
     >>> import gymnasium
     >>> env = gymnasium.make("upright/CartPole-v0", noise="gaussian-0.1")
@@ -131,9 +135,9 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self.rules.parameters, continuous, dtype
         )
         self.continuous, self.dtype, self.render_mode = continuous, np.dtype(dtype), render_mode
-        self._tells = is_noisy(self.rules.noise)
+        self._reports_state = is_noisy(self.rules.noise)
         self._state: State | None = None
-        self._seen: State | None = None
+        self._measured: State | None = None
         self._force = 0.0
         self._steps = 0
         self._over = True
@@ -148,28 +152,28 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         Parameters
         ----------
         seed
-            Begins the random numbers anew; without it they go on.
+            Restarts the random numbers; without it they continue.
         options
-            ``{"state": four numbers}`` begins in this true state.
+            ``{"state": four numbers}`` sets the true state to start in.
 
         Raises
         ------
         UprightError
-            If an option is unknown, or there is no such state in which the pole stands.
+            If an option is unknown, or the state is not four finite numbers within the limits.
         """
         super().reset(seed=seed)
         if seed is not None or self._np_random is None:
             sequence = np.random.SeedSequence(seed)
-            self._np_random = np.random.Generator(StreamOfLane(sequence))
+            self._np_random = np.random.Generator(LaneStream(sequence))
             self._np_random_seed = sequence.entropy  # type: ignore[assignment]
-        wanted = check_options(options, "state").get("state")
-        if wanted is None:
+        requested = check_options(options, "state").get("state")
+        if requested is None:
             state = draw_start(self.rules.start, self._np_random)
         else:
-            state = State(*_one_state(self.rules.parameters, wanted))
+            state = State(*_one_state(self.rules.parameters, requested))
         self._steps, self._over, self._force = 0, False, 0.0
-        self._state, self._seen = state, measure(self.rules.noise, state, self._np_random)
-        return self._tell()
+        self._state, self._measured = state, measure(self.rules.noise, state, self._np_random)
+        return self._observe()
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Push the cart for one time step.
@@ -177,7 +181,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         Raises
         ------
         InvalidAction
-            If it is none of the action space.
+            If the action is not in the action space.
         ResetNeeded
             If no episode has begun, or the pole has fallen.
         """
@@ -185,37 +189,37 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             why = "no episode has begun" if self._state is None else "the pole has fallen"
             raise ResetNeeded(f"{why}; call reset() before step()")
         rules = self.rules
-        arguments = rules, self._state, self._asked(action), self._rng()
+        arguments = rules, self._state, self._requested_force(action), self._rng()
         if self._advance is None:
             self._advance = machine_code(advance, *arguments)
-        self._state, self._seen, self._force, self._over = self._advance(*arguments)
+        self._state, self._measured, self._force, self._over = self._advance(*arguments)
         self._steps += 1
         reward = rules.step_reward + (rules.fall_reward if self._over else 0.0)
-        observation, info = self._tell()
+        observation, info = self._observe()
         return observation, reward, self._over, False, info
 
     def _rng(self) -> Any:
-        """Return what noise is drawn from; where there is none, what is passed on faster."""
-        return self._np_random if self._tells else NOTHING_DRAWN
+        """Return the generator of the noise; without noise, a stand-in that is quicker to pass."""
+        return self._np_random if self._reports_state else UNUSED_STREAM
 
-    def _asked(self, action: Any) -> float:
-        """Return the force [N] that an action asks for."""
+    def _requested_force(self, action: Any) -> float:
+        """Return the force [N] that an action stands for."""
         limit = self.rules.parameters.force
         if self.continuous:
-            asked = np.asarray(action)
-            is_number = asked.shape == (1,) and asked.dtype.kind in "fiu"
-            if is_number and abs(asked[0]) <= np.float32(limit):
-                return float(asked[0])
+            force = np.asarray(action)
+            is_number = force.shape == (1,) and force.dtype.kind in "fiu"
+            if is_number and abs(force[0]) <= np.float32(limit):
+                return float(force[0])
         elif (type(action) is int and 0 <= action <= 1) or self.action_space.contains(action):
             return limit if action == 1 else -limit
         raise InvalidAction(f"action is {action!r}; it must be in {self.action_space}")
 
-    def _tell(self) -> tuple[Array, dict[str, Any]]:
-        """Return the observation and what else is told."""
+    def _observe(self) -> tuple[Array, dict[str, Any]]:
+        """Return the observation and the info."""
         if self.render_mode == "human":
             self.render()
-        info = {"state": np.array(self._state)} if self._tells else {}
-        return np.array(self._seen, self.dtype), info
+        info = {"state": np.array(self._state)} if self._reports_state else {}
+        return np.array(self._measured, self.dtype), info
 
     def render(self) -> Any:
         """Show the cart-pole, or return its picture.
@@ -223,16 +227,16 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         Returns
         -------
         numpy.ndarray or str or None
-            Shape (height, width, 3), uint8, for "rgb_array"; text for "ansi"; else None.
+            Array of shape (height, width, 3), uint8, for "rgb_array"; text for "ansi"; else None.
         """
         if self.render_mode is None:
-            gymnasium.logger.warn("render() shows nothing; give a render_mode when making it")
+            gymnasium.logger.warn(NO_RENDER_MODE)
             return None
         if self._state is None:
             raise ResetNeeded("no episode has begun; call reset() before render()")
         seconds = self._steps * self.rules.parameters.time_step
         caption = f"step {self._steps:,}, {seconds:.1f} s"
-        scene = Scene(self._state, self._seen, self._force, caption)
+        scene = Scene(self._state, self._measured, self._force, caption)
         if self.render_mode == "ansi":
             return text_picture(self.rules.parameters, scene)
         pixels = picture(self.rules.parameters, scene)
@@ -250,7 +254,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self._window = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: all but the window and the machine code."""
+        """Return what is pickled: everything except the window and the machine code."""
         return self.__dict__ | {"_window": None, "_advance": None}
 
 

@@ -1,4 +1,4 @@
-"""Makes the environments known to Gymnasium, without importing it."""
+"""Registers the environments with Gymnasium, without importing it."""
 
 import sys
 from importlib.machinery import ModuleSpec
@@ -10,13 +10,13 @@ from typing import Any
 def register_environments() -> None:
     """Register the environments: now, or as soon as Gymnasium is imported.
 
-    ``import upright`` is to suffice, before or after ``import gymnasium``, yet nobody who does not
-    need Gymnasium should wait for it.
+    This way ``import upright`` is enough, whether before or after ``import gymnasium``, and does
+    not slow down programs that do not use Gymnasium.
     """
     if "gymnasium" in sys.modules:
         _register()
     else:
-        sys.meta_path.insert(0, _Watch())
+        sys.meta_path.insert(0, _GymnasiumFinder())
 
 
 def _register() -> None:
@@ -35,31 +35,31 @@ def _register() -> None:
             )
 
 
-class _Watch:
-    """Registers the environments when Gymnasium has been imported.
+class _GymnasiumFinder:
+    """A module finder that registers the environments once Gymnasium has been imported.
 
-    A finder of modules by its one method; the base class in `importlib.abc` would take most of the
+    It does not inherit from the base class in `importlib.abc`, whose import would take most of the
     time of ``import upright``.
     """
 
-    _looks = False
+    _is_searching = False
 
     def find_spec(self, name: str, *_: Any) -> ModuleSpec | None:
-        """Find Gymnasium as anybody would, but note when it is executed."""
-        if name != "gymnasium" or self._looks:
+        """Find Gymnasium as Python does, and register the environments after it is executed."""
+        if name != "gymnasium" or self._is_searching:
             return None
-        self._looks = True
+        self._is_searching = True
         try:
-            found = find_spec(name)
+            spec = find_spec(name)
         finally:
-            self._looks = False
-        if found is not None and found.loader is not None:
-            execute = found.loader.exec_module
+            self._is_searching = False
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
 
             def execute_and_register(module: ModuleType) -> None:
                 execute(module)
                 sys.meta_path.remove(self)
                 _register()
 
-            found.loader.exec_module = execute_and_register  # type: ignore[method-assign]
-        return found
+            spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
+        return spec

@@ -1,7 +1,7 @@
 """The trial protocol for learners that only know Gymnasium.
 
-`TrialProtocol` stands around an environment and counts the trials of one run, whoever makes them.
-`run_learner` makes a run of a study so. docs/learners.md tells how to use both.
+`TrialProtocol` wraps an environment and counts the trials of one run. `run_learner` uses it to run
+such a learner in a study. docs/learners.md explains how to use both.
 """
 
 import time
@@ -23,8 +23,8 @@ from upright.errors import UprightError, require
 from upright.plants.equations import Equations
 
 
-class RunOver(Exception):  # noqa: N818 - no error, as StopIteration is none
-    """The run is over: the environment makes no further step for this learner.
+class RunOver(Exception):  # noqa: N818 - not an error, just as StopIteration is not
+    """Raised when the run is over and the environment makes no further steps.
 
     Examples
     --------
@@ -48,32 +48,32 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     A trial begins with `reset` and ends with a fall, or with step N, which is a success and ends
     the run. An episode that ends otherwise, because the learner resets it or the environment
-    truncates it, is a trial that failed. An episode without any step is none. Whatever the learner
-    makes its steps for, they count.
+    truncates it, is a failed trial. An episode without any step is not a trial. Every step counts,
+    whether the learner makes it to train or to evaluate.
 
-    Once the run is over, `reset` and `step` raise `RunOver`, which ends any learner. One that
-    outlives exceptions can ask for `over`.
+    Once the run is over, `reset` and `step` raise `RunOver`, which ends the learner's training. A
+    learner that catches all exceptions can check `over`.
 
     Parameters
     ----------
     env
-        One environment; trials of several in parallel would have no order.
+        A single environment; trials of several in parallel would have no order.
     steps
         N: a trial of this many steps without a fall is a success.
     trials
-        A run is at most this many trials.
+        Maximum number of trials in the run.
     lengths
-        Where the length of each trial is written as it ends, shape (trials,), int64; for a thread
-        that watches.
+        Array that the length of each trial is written to as it ends, shape (trials,), int64, so
+        that another thread can watch.
     stop
         Set its one element, a bool, to end the run early.
 
     Raises
     ------
     UprightError
-        If a number is none of the allowed ones, or the environment truncates episodes before N.
+        If a number is out of range, or the environment truncates episodes before N.
     TypeError
-        If `env` is no environment, or a vector of them.
+        If `env` is not an environment, or is a vector environment.
 
     Examples
     --------
@@ -106,14 +106,14 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
             require("max_episode_steps", limit, steps)
         self.steps, self.trials = steps, trials
         self.succeeded = False
-        """Whether a trial, the last one, was a success."""
+        """Whether the last trial was a success."""
         self._lengths = np.zeros(trials, np.int64) if lengths is None else lengths
         self._stop = np.zeros(1, np.bool_) if stop is None else stop
-        self._ended = 0  # trials so far
-        self._made = 0  # steps of the present trial
-        self._begun = False  # whether there is one
+        self._ended = 0  # trials that have ended
+        self._steps_made = 0  # steps of the present trial
+        self._in_trial = False  # whether a trial has begun and not ended
         self._began = time.perf_counter()
-        self._seconds = 0.0
+        self._seconds = 0.0  # time from the beginning to the end of the last trial [s]
 
     @property
     def lengths(self) -> NDArray[np.int64]:
@@ -126,7 +126,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.succeeded or self._ended == self.trials or bool(self._stop[0])
 
     def result(self, run: int = 0) -> Result:
-        """Return what came of the run.
+        """Return the result of the run.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
         Raises
         ------
         UprightError
-            If it is not over.
+            If the run is not over.
         """
         if not self.over:
             raise UprightError(
@@ -148,50 +148,51 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin a trial. One that is going on ends, and has failed.
+        """Begin a trial. A trial that is in progress ends and counts as failed.
 
         Raises
         ------
         RunOver
             If the run is over.
         """
-        if self._made:
+        if self._steps_made:
             self._end_trial()
-        self._require_more()
-        self._begun, self._made = True, 0
+        self._refuse_if_over()
+        self._in_trial, self._steps_made = True, 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Make a step of a trial. Step N truncates it, if the pole stands.
+        """Make a step of a trial. Step N truncates it if the pole is still up.
 
         Raises
         ------
         RunOver
             If the run is over.
         ResetNeeded
-            If no trial has begun, or it has ended.
+            If no trial has begun, or the last one has ended.
         """
-        self._require_more()
-        if not self._begun:
-            raise ResetNeeded("no trial is going on; call reset() before step()")
+        self._refuse_if_over()
+        if not self._in_trial:
+            raise ResetNeeded("no trial is in progress; call reset() before step()")
         observation, reward, fallen, truncated, info = self.env.step(action)
-        self._made += 1
-        self.succeeded = self._made == self.steps and not fallen
+        self._steps_made += 1
+        self.succeeded = self._steps_made == self.steps and not fallen
         truncated = truncated or self.succeeded
         if fallen or truncated:
             self._end_trial()
         return observation, reward, fallen, truncated, info
 
     def _end_trial(self) -> None:
-        self._lengths[self._ended] = self._made
+        self._lengths[self._ended] = self._steps_made
         self._ended += 1
-        self._begun, self._made = False, 0
+        self._in_trial, self._steps_made = False, 0
         self._seconds = time.perf_counter() - self._began
 
-    def _require_more(self) -> None:
+    def _refuse_if_over(self) -> None:
+        """Raise RunOver if the run is over."""
         if self.over:
-            how = "a trial succeeded" if self.succeeded else "no trial succeeded"
-            raise RunOver(f"the run is over after {self._ended:,} trials: {how}")
+            reason = "a trial succeeded" if self.succeeded else "no trial succeeded"
+            raise RunOver(f"the run is over after {self._ended:,} trials: {reason}")
 
 
 def run_learner(
@@ -204,29 +205,30 @@ def run_learner(
 ) -> int:
     """Let a learner train on an environment until its run is over.
 
-    It takes and returns what `trials.run` does. The environment draws from the run's own random
-    numbers, unless the learner seeds it.
+    Parameters and return value are those of `trials.run`. The environment draws from the run's own
+    random numbers, unless the learner seeds it.
 
     Raises
     ------
     UprightError
-        If the task delays pushes, or the learner ends before its run does.
+        If the task delays pushes, or training returns before the run is over.
     """
     if task.delay:
         raise UprightError(
-            f"delay is {task.delay}; it must be 0: the environments of Gymnasium delay no push"
+            f"delay is {task.delay}; it must be 0, because the Gymnasium environments do not delay "
+            "pushes"
         )
-    integrator = next(name for name, each in INTEGRATORS.items() if each == plant.integrator)
+    integrator = next(name for name, number in INTEGRATORS.items() if number == plant.integrator)
     env: gymnasium.Env[Any, Any] = CartPoleEnv(
         task.noise, task.start, task.parameters, integrator=integrator
     )
     env.np_random = rng
-    counted = TrialProtocol(env, task.steps, task.trials, lengths, stop)
+    protocol = TrialProtocol(env, task.steps, task.trials, lengths, stop)
     with suppress(RunOver):
-        learner.train(counted)
-    if not counted.over:
+        learner.train(protocol)
+    if not protocol.over:
         raise UprightError(
-            f"the learner ended after {len(counted.lengths):,} trials; it must go on until the "
+            f"the learner ended after {len(protocol.lengths):,} trials; it must go on until the "
             f"environment raises RunOver, after a success or {task.trials:,} trials"
         )
-    return len(counted.lengths) if counted.succeeded else 0
+    return len(protocol.lengths) if protocol.succeeded else 0

@@ -1,6 +1,6 @@
-"""Many cart-poles as a Gymnasium vector environment, by the compiled loop in `batch.py`.
+"""Many cart-poles as a Gymnasium vector environment, stepped by the compiled loop in `batch.py`.
 
-Each goes through exactly what a `CartPoleEnv` with its seed goes through.
+Each goes through exactly the same states as a `CartPoleEnv` with the same seed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +20,7 @@ from upright.environments import batch
 from upright.environments.arguments import (
     FRAMES_PER_SECOND,
     NO_LIMIT,
+    NO_RENDER_MODE,
     Array,
     check_options,
     check_render_mode,
@@ -28,7 +29,7 @@ from upright.environments.arguments import (
     make_rules,
     make_spaces,
 )
-from upright.environments.batch import Outcome, make_lanes, reset_lanes, seed_words, step_lanes
+from upright.environments.batch import Outcome, make_batch, reset_batch, seed_words, step_batch
 from upright.errors import UprightError, require, require_one_of
 from upright.pictures.picture import picture
 from upright.pictures.scene import Scene
@@ -39,23 +40,23 @@ MODES = {
     AutoresetMode.SAME_STEP: batch.SAME_STEP,
     AutoresetMode.DISABLED: batch.DISABLED,
 }
-"""What the loop calls Gymnasium's modes."""
+"""The compiled loop's numbers for Gymnasium's modes."""
 
 
 class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     """Many cart-poles at once, each like a `CartPoleEnv`.
 
-    With one seed, environment i goes through what a `CartPoleEnv` goes through that is reset with
-    the seed plus i.
+    When reset with one seed, environment i goes through the same states as a `CartPoleEnv` that is
+    reset with that seed plus i.
 
     Parameters
     ----------
     num_envs
-        How many.
+        Number of environments.
     max_episode_steps
-        After so many steps an episode is truncated; None or -1 is never.
+        Number of steps after which an episode is truncated; None or -1: never.
     autoreset_mode
-        When an episode that ended is followed by the next: an `AutoresetMode` or its value.
+        When the next episode begins after one has ended: an `AutoresetMode` or its value.
     render_mode
         "rgb_array", "ansi" or None.
     noise, start, parameters, reward, continuous, dtype, integrator
@@ -64,7 +65,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     Raises
     ------
     UprightError
-        If an argument is none of the allowed ones.
+        If an argument is not one of the allowed values.
 
     Examples
     --------
@@ -113,14 +114,15 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._batch_type = self.action_space.shape, self.action_space.dtype
+        self._action_type = self.action_space.shape, self.action_space.dtype
         self.dtype, self.continuous = np.dtype(dtype), continuous
-        self._lanes = make_lanes(num_envs)
+        self._batch = make_batch(num_envs)
         self._seeds: list[int | None] = [None] * num_envs
         self._observations: Array | None = None
-        self._told = is_noisy(self.rules.noise)
-        self._final = mode == AutoresetMode.SAME_STEP
-        self._nothing, self._no_seen = np.empty((4, 0)), np.empty((4, 0), self.dtype)
+        self._reports_states = is_noisy(self.rules.noise)
+        self._reports_finals = mode == AutoresetMode.SAME_STEP
+        self._no_states = np.empty((4, 0))
+        self._no_observations = np.empty((4, 0), self.dtype)
         self._step: Any = None
 
     def reset(
@@ -134,36 +136,38 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         Parameters
         ----------
         seed
-            Environment i is seeded with the seed plus i, or with the i-th of several; without one
-            its random numbers go on.
+            Environment i is seeded with the seed plus i, or with the i-th of several seeds; without
+            a seed its random numbers continue.
         options
-            ``{"state": ...}`` begins in these true states, shape (4,) or (num_envs, 4);
-            ``{"reset_mask": ...}``, shape (num_envs,), bool, leaves environments as they are where
-            it is False; for them the last observations are returned again.
+            ``{"state": ...}`` sets the true states to start in, shape (4,) or (num_envs, 4);
+            ``{"reset_mask": ...}``, shape (num_envs,), bool, leaves environments unchanged where it
+            is False; for them the last observations are returned again.
 
         Raises
         ------
         UprightError
-            If an option is unknown or there is no such state, or a seed, mask or state has another
-            shape.
+            If an option is unknown, a state is not within the limits, or a seed, mask or state has
+            the wrong shape.
         """
         options = check_options(options, "state", "reset_mask")
         chosen = self._chosen(options.get("reset_mask"))
         states = options.get("state")
         if states is not None:
             states = np.broadcast_to(self._states(states), (self.num_envs, 4))
-            self._lanes.states[:, chosen] = states[chosen].T
+            self._batch.states[:, chosen] = states[chosen].T
         self._seed(seed, chosen)
         observations = np.empty((4, self.num_envs), self.dtype)
         if self._observations is not None:
             observations[:] = self._observations.T
-        reset_lanes(self.rules, self._lanes, chosen, states is None, observations)
+        reset_batch(self.rules, self._batch, chosen, states is None, observations)
         self._observations = observations.T
-        infos = {"state": self._lanes.states.T.copy(), "_state": chosen} if self._told else {}
+        infos = {}
+        if self._reports_states:
+            infos = {"state": self._batch.states.T.copy(), "_state": chosen}
         return self._observations, infos
 
     def _chosen(self, mask: Any) -> NDArray[np.bool_]:
-        """Return which environments are to be reset."""
+        """Return which environments a reset applies to, shape (num_envs,)."""
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
         chosen = np.array(mask)
@@ -172,33 +176,33 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
                 f"reset_mask is {mask!r}; it must be {self.num_envs} bools, one of them True"
             )
         if self._observations is None and not chosen.all():
-            raise ResetNeeded("the first reset() must be one of all environments")
+            raise ResetNeeded("the first reset() must include all environments")
         return chosen
 
     def _states(self, states: Any) -> Array:
         checked = check_state(self.rules.parameters, states)
         if checked.shape not in ((4,), (self.num_envs, 4)):
             raise UprightError(
-                f"state has the shape {checked.shape}; it must be (4,) or ({self.num_envs}, 4)"
+                f"shape of state is {checked.shape}; it must be (4,) or ({self.num_envs}, 4)"
             )
         return checked
 
     def _seed(self, seed: int | Sequence[int | None] | None, chosen: NDArray[np.bool_]) -> None:
-        """Begin the random numbers of the chosen environments anew, where they have a seed."""
+        """Restart the random numbers of the chosen environments that are given a seed."""
         if seed is None or isinstance(seed, (int, np.integer)):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
             seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise UprightError(f"seed has {len(seeds)} values; it must have {self.num_envs}")
-        for each in seeds:
-            if each is not None:
-                require("seed", each, 0, whole=True)
+        for value in seeds:
+            if value is not None:
+                require("seed", value, 0, whole=True)
         for i in np.flatnonzero(chosen):
             if seeds[i] is not None or self._seeds[i] is None:
                 sequence = np.random.SeedSequence(seeds[i])
                 self._seeds[i] = sequence.entropy  # type: ignore[assignment]
-                self._lanes.words[:, i] = seed_words(sequence)
+                self._batch.words[:, i] = seed_words(sequence)
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -208,7 +212,7 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
     def step(self, actions: Any) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Push every cart for one time step.
 
-        Where an episode has ended before and the mode is "NextStep", the next one begins instead.
+        In the mode "NextStep", an environment whose episode has ended begins the next one instead.
 
         Parameters
         ----------
@@ -219,25 +223,26 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         -------
         tuple
             Observations, shape (num_envs, 4); rewards, terminations and truncations, (num_envs,);
-            and infos. Nobody keeps or changes these arrays later.
+            and infos. The environment neither keeps nor modifies these arrays.
 
         Raises
         ------
         InvalidAction
-            If an action is none of the action space; no environment has made a step then.
+            If an action is not in the action space; then no environment has made a step.
         ResetNeeded
             If no episode has begun, or, with autoreset disabled, one has ended.
         """
         if self._step is None:
             self._step = self._compile()
-        if not self._is_batch(actions):
-            actions = self._batch(actions)
+        if not self._has_action_type(actions):
+            actions = self._convert(actions)
         outcome = self._new_outcome()
-        begun = self._step(self.rules, self._lanes, actions, outcome)
-        if begun < 0:
-            self._refuse(begun, actions)
+        restarts = self._step(self.rules, self._batch, actions, outcome)
+        if restarts < 0:
+            self._refuse(restarts, actions)
         self._observations = observations = outcome.observations.T
-        infos = self._infos(outcome, begun) if self._told or self._final else {}
+        reports = self._reports_states or self._reports_finals
+        infos = self._infos(outcome, restarts) if reports else {}
         return observations, outcome.rewards, outcome.terminations, outcome.truncations, infos
 
     def _compile(self) -> Any:
@@ -245,25 +250,26 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         if self._observations is None:
             raise ResetNeeded("no episode has begun; call reset() before step()")
         actions = np.zeros(self.action_space.shape or (), self.action_space.dtype)
-        return machine_code(step_lanes, self.rules, self._lanes, actions, self._new_outcome())
+        return machine_code(step_batch, self.rules, self._batch, actions, self._new_outcome())
 
     def _new_outcome(self) -> Outcome:
-        """Return room for what a step leads to."""
+        """Return empty arrays for the outcome of a step."""
         n, block = self.num_envs, (4, self.num_envs)
         terminations, truncations = np.empty((2, n), np.bool_)
+        states, finals = self._reports_states, self._reports_finals
         return Outcome(
             np.empty(block, self.dtype),
             np.empty(n),
             terminations,
             truncations,
-            np.empty(block) if self._told else self._nothing,
-            np.empty(block, self.dtype) if self._final else self._no_seen,
-            np.empty(block) if self._told and self._final else self._nothing,
+            np.empty(block) if states else self._no_states,
+            np.empty(block, self.dtype) if finals else self._no_observations,
+            np.empty(block) if states and finals else self._no_states,
         )
 
-    def _is_batch(self, actions: Any) -> bool:
+    def _has_action_type(self, actions: Any) -> bool:
         """Whether actions are of the type that the compiled step takes."""
-        shape, dtype = self._batch_type
+        shape, dtype = self._action_type
         return (
             type(actions) is np.ndarray
             and actions.dtype is dtype
@@ -271,22 +277,22 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
             and actions.flags.c_contiguous
         )
 
-    def _batch(self, actions: Any) -> Array:
-        """Return actions as the compiled step takes them."""
+    def _convert(self, actions: Any) -> Array:
+        """Return actions in the type that the compiled step takes."""
         space = self.action_space
-        asked = np.asarray(actions)
+        array = np.asarray(actions)
         kinds = "fiu" if self.continuous else "iub"
-        if asked.shape != space.shape or asked.dtype.kind not in kinds:
+        if array.shape != space.shape or array.dtype.kind not in kinds:
             raise InvalidAction(
-                f"actions are of shape {asked.shape} and type {asked.dtype}; "
+                f"actions are of shape {array.shape} and type {array.dtype}; "
                 f"they must be {space.shape} and {space.dtype}"
             )
-        return np.ascontiguousarray(asked, space.dtype)
+        return np.ascontiguousarray(array, space.dtype)
 
-    def _refuse(self, why: int, actions: Array) -> None:
+    def _refuse(self, reason: int, actions: Array) -> None:
         """Raise the error for a step that was not made."""
-        if why == batch.ENDED:
-            numbers = np.flatnonzero(self._lanes.ended)[:5].tolist()
+        if reason == batch.ENDED:
+            numbers = np.flatnonzero(self._batch.ended)[:5].tolist()
             raise ResetNeeded(
                 f"the episodes of environments {numbers} … have ended; reset them before step(): "
                 'reset(options={"reset_mask": terminations | truncations})'
@@ -295,21 +301,22 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
         first = next(i for i, action in enumerate(actions) if action not in allowed)
         raise InvalidAction(f"action {first} is {actions[first]!r}; it must be in {allowed}")
 
-    def _infos(self, outcome: Outcome, begun: int) -> dict[str, Any]:
-        """Return true states under noise, and what episodes ended with that the next replaced."""
+    def _infos(self, outcome: Outcome, restarts: int) -> dict[str, Any]:
+        """Return true states under noise, and how episodes ended that the next ones replaced."""
         infos: dict[str, Any] = {}
-        if self._final and begun > 0:
+        if self._reports_finals and restarts > 0:
             ended = outcome.terminations | outcome.truncations
             infos["final_obs"], infos["_final_obs"] = outcome.final_observations.T, ended
-            final = {"state": outcome.final_states.T, "_state": ended} if self._told else {}
-            infos["final_info"], infos["_final_info"] = final, ended
-        if self._told:
+            states = {"state": outcome.final_states.T, "_state": ended}
+            infos["final_info"] = states if self._reports_states else {}
+            infos["_final_info"] = ended
+        if self._reports_states:
             infos["state"] = outcome.states.T
             infos["_state"] = np.ones(self.num_envs, np.bool_)
         return infos
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return a picture of each environment; of the true states, without forces.
+        """Return a picture of each environment in its true state, without the force.
 
         Returns
         -------
@@ -317,17 +324,17 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
             Arrays of shape (height, width, 3), uint8, for "rgb_array"; texts for "ansi".
         """
         if self.render_mode is None:
-            gymnasium.logger.warn("render() shows nothing; give a render_mode when making it")
+            gymnasium.logger.warn(NO_RENDER_MODE)
             return None
         if self._observations is None:
             raise ResetNeeded("no episode has begun; call reset() before render()")
         draw = picture if self.render_mode == "rgb_array" else text_picture
-        states, seen = self._lanes.states.T.tolist(), self._observations.tolist()
+        states, observations = self._batch.states.T.tolist(), self._observations.tolist()
         return tuple(
             draw(self.rules.parameters, Scene(State(*state), State(*measured), 0.0, f"cart {i}"))
-            for i, (state, measured) in enumerate(zip(states, seen, strict=True))
+            for i, (state, measured) in enumerate(zip(states, observations, strict=True))
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: all but the machine code."""
+        """Return what is pickled: everything except the machine code."""
         return self.__dict__ | {"_step": None}

@@ -1,4 +1,4 @@
 """The ROS 2 programs: a simulated cart, and a learner for any cart.
 
-May import everything but `upright.commands`.
+May import everything except `upright.commands`.
 """

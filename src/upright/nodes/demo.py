@@ -1,4 +1,4 @@
-"""Both sides at once: a simulator in a process of its own, and a learner whose trials are shown."""
+"""Both sides at once: a simulator in a separate process, and a learner that prints its trials."""
 
 import os
 import sys
@@ -14,14 +14,14 @@ from upright.support.processes import end_process
 
 
 @contextmanager
-def start_simulator(given: ParameterValues) -> Iterator[bool]:
-    """Start a simulator with these settings, and end it; give whether it serves."""
-    call = f"main({dict(given)!r}, [], {os.getpid()})"
+def start_simulator(settings: ParameterValues) -> Iterator[bool]:
+    """Run a simulator with these settings within the block; yield whether it started."""
+    call = f"main({dict(settings)!r}, [], {os.getpid()})"
     code = f"from upright.nodes.simulator import main; raise SystemExit({call})"
     with Popen([sys.executable, "-c", code], stdout=PIPE, text=True) as process:
         try:
             assert process.stdout
-            line = process.stdout.readline()  # it tells when it serves
+            line = process.stdout.readline()  # the simulator prints a line once it is ready
             print(line, end="", flush=True)
             yield bool(line)
         finally:
@@ -29,7 +29,7 @@ def start_simulator(given: ParameterValues) -> Iterator[bool]:
 
 
 def main(simulated: ParameterValues, learning: ParameterValues) -> int:
-    """Run both sides, in a ROS domain of their own unless ROS_DOMAIN_ID names one.
+    """Run both sides, in a separate ROS domain unless ROS_DOMAIN_ID names one.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def main(simulated: ParameterValues, learning: ParameterValues) -> int:
     Returns
     -------
     int
-        The learner's exit status, or that of bad use if the simulator did not start.
+        The learner's exit status, or BAD_USE if the simulator did not start.
 
     Raises
     ------
@@ -48,5 +48,5 @@ def main(simulated: ParameterValues, learning: ParameterValues) -> int:
     """
     SimulatorSettings(**simulated)
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    with start_simulator(simulated) as serves:
-        return learner.main(learning, []) if serves else BAD_USE
+    with start_simulator(simulated) as started:
+        return learner.main(learning, []) if started else BAD_USE

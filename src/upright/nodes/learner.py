@@ -1,4 +1,4 @@
-"""The learner: an agent, or a saved policy, that balances a cart behind topics."""
+"""The learner: balances a cart over ROS 2 topics, with an agent or a saved policy."""
 
 import signal
 from collections.abc import Sequence
@@ -24,19 +24,20 @@ from upright.support.exit_status import FAILED, exit_status
 
 
 def balance(node: Node, settings: LearnerSettings) -> bool:
-    """Let an agent learn, or a policy play, on the cart; return whether it balanced.
+    """Train an agent, or play a policy, on the cart; return whether a trial succeeded.
 
     Raises
     ------
     UprightError
-        If a setting has an impossible value, there is no cart, it fails, or measurements cease.
+        If a setting has an impossible value, there is no cart, the cart reports a fault, or
+        measurements stop arriving.
     KeyboardInterrupt
         If interrupted; the cart is stopped.
     """
     policy = load_policy(settings.policy) if settings.policy else None
     waiting = Ros2(settings.watchdog, settings.patience)
     task: dict[str, Any] = {"steps": settings.steps, "trials": settings.trials, "plant": waiting}
-    task |= {"noise": "none", "condition": "nominal", "parameters": {}}  # the cart's own
+    task |= {"noise": "none", "condition": "nominal", "parameters": {}}  # the cart has its own
     if policy:
         case = case_for(policy, **task)
     else:
@@ -52,32 +53,32 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
             return policy, play_run(policy, case, settings.seed, cart, lengths, stop)
         return make_run(case, settings.seed, 0, lengths, stop, plant=cart)
 
-    def tell(number: int, length: int) -> None:
+    def show(number: int, length: int) -> None:
         print_trial(case, number, length)
         progress.publish(Int64(data=length))
 
-    memory, result = watch(case, work, tell, stop)
+    memory, result = watch(case, work, show, stop)
     if cart.missed:
-        print(f"{cart.missed:,} periods passed without a command of their own")
+        print(f"{cart.missed:,} control periods passed without a new command")
     if settings.save:
         save_learned(settings.save, case, settings.seed, 0, memory)
     return result.success
 
 
-def main(given: ParameterValues | None = None, arguments: Sequence[str] | None = None) -> int:
-    """Run the learner to its end, and return the exit status.
+def main(values: ParameterValues | None = None, arguments: Sequence[str] | None = None) -> int:
+    """Run the learner until it is done, and return the exit status.
 
     Parameters
     ----------
-    given
-        Settings by name; ROS parameters besides.
+    values
+        Settings by name; ROS arguments can set others.
     arguments
-        ROS arguments; those of the command line unless given.
+        ROS arguments; those of the command line by default.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it stops the cart, as SIGINT does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # stops the cart, as SIGINT does
 
     def work() -> int:
-        with new_node("learner", given or {}, arguments) as node:
+        with new_node("learner", values or {}, arguments) as node:
             return 0 if balance(node, declare(node, LearnerSettings())) else FAILED
 
     return exit_status(work)

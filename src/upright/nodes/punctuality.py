@@ -1,4 +1,4 @@
-"""How punctual a cart is that moves by the wall clock."""
+"""Measures how punctual a real-time cart is."""
 
 from array import array
 
@@ -6,37 +6,45 @@ import numpy as np
 
 
 class Punctuality:
-    """Statistics of the periods of a trial, from the first command to the last."""
+    """Statistics of the control periods of a trial, from the first command to the last."""
 
     def __init__(self) -> None:
-        self._late = array("d")  # how long after its time each period ended [s]
-        self._answers = array("d")  # how long after a measurement its command came [s]
-        self._missed = 0
-        self._without = 0  # periods since the last command
-        self._told = 0.0  # when the last measurement was published [s]
+        self._delays = array("d")  # time by which the end of each period was late [s]
+        self._latencies = array("d")  # time from a measurement to the command it led to [s]
+        self._missed = 0  # periods without a new command
+        self._since_command = 0  # periods since the last command
+        self._published = 0.0  # time at which the last measurement was published [s]
 
     def period(self, late: float, now: float) -> None:
-        """Note that a period has ended, so much too late [s], and was told of `now` [s]."""
-        self._late.append(late)
-        self._without += 1
-        self._told = now
+        """Record the end of a period.
+
+        Parameters
+        ----------
+        late
+            By how much the end was late [s].
+        now
+            Time at which its measurement was published [s].
+        """
+        self._delays.append(late)
+        self._since_command += 1
+        self._published = now
 
     def command(self, now: float) -> None:
-        """Note that a command came [s]."""
-        self._missed += max(0, self._without - 1)
-        if self._without:
-            self._answers.append(now - self._told)
-        self._without = 0
+        """Record the arrival of a command at the time `now` [s]."""
+        self._missed += max(0, self._since_command - 1)
+        if self._since_command:
+            self._latencies.append(now - self._published)
+        self._since_command = 0
 
     def summary(self) -> str:
-        """Return the statistics in a line; nothing if there are none."""
-        if not self._answers:
+        """Return the statistics in one line, or an empty string if there are none."""
+        if not self._latencies:
             return ""
-        late = np.array(self._late[: len(self._late) - self._without or None])
-        p50, p99, worst = 1e3 * np.quantile(np.abs(late), (0.5, 0.99, 1.0))
-        answer50, answer99 = 1e3 * np.quantile(np.array(self._answers), (0.5, 0.99))
+        delays = np.array(self._delays[: len(self._delays) - self._since_command or None])
+        p50, p99, worst = 1e3 * np.quantile(np.abs(delays), (0.5, 0.99, 1.0))
+        latency50, latency99 = 1e3 * np.quantile(np.array(self._latencies), (0.5, 0.99))
         return (
-            f"{len(late):,} periods, {self._missed:,} missed; jitter: p50 {p50:.2f} ms, "
-            f"p99 {p99:.2f} ms, at most {worst:.2f} ms; commands came after {answer50:.2f} ms "
-            f"(p50), {answer99:.2f} ms (p99)"
+            f"{len(delays):,} periods, {self._missed:,} missed; jitter: p50 {p50:.2f} ms, "
+            f"p99 {p99:.2f} ms, max {worst:.2f} ms; command latency: p50 {latency50:.2f} ms, "
+            f"p99 {latency99:.2f} ms"
         )

@@ -1,4 +1,4 @@
-"""What can be set of the nodes: their ROS parameters, and the options of `upright ros2`."""
+"""Settings of the nodes: their ROS parameters, and the options of `upright ros2`."""
 
 import math
 from dataclasses import dataclass
@@ -11,47 +11,47 @@ from upright.plants import PLANTS
 from upright.plants.settings import PlantSettings
 from upright.support.settings import change_settings, pairs
 
-BODIES = [name for name in PLANTS if name != "ros2"]
-"""Plants that a simulator can have."""
+SIMULATED = [name for name in PLANTS if name != "ros2"]
+"""Names of the plants that a simulator can have."""
 DRAWN = (math.nan,) * 4
-"""In place of a state: each trial starts in one that is drawn."""
+"""Stands for a start state that is drawn at random."""
 
 
 @dataclass(frozen=True)
 class SimulatorSettings:
-    """What can be set of the simulator."""
+    """Settings of the simulator."""
 
     plant: str = "equations"
     """The plant: equations, mujoco or gazebo."""
     plant_set: str = ""
-    """Settings of the plant, NAME=VALUE with commas between (see upright plants)."""
+    """Settings of the plant: NAME=VALUE, separated by commas (see upright plants)."""
     parameters: str = ""
-    """Parameters of the plant, NAME=VALUE with commas between, such as half_length=1.0."""
+    """Parameters of the plant: NAME=VALUE, separated by commas, such as half_length=1.0."""
     gui: bool = False
-    """Whether the plant's own window is opened; gazebo has one."""
+    """Whether to open the plant's own window (gazebo only)."""
     noise: str = "none"
-    """Noise case: what disturbs forces and measurements."""
+    """Noise case, which disturbs forces and measurements."""
     start: str = "random"
     """Where trials start: random, zero or wide."""
     start_state: tuple[float, ...] = DRAWN
-    """Where the next trial alone starts [m, m/s, rad, rad/s]; nan: where one is drawn."""
+    """Start state of the next trial only [m, m/s, rad, rad/s]; nan: drawn at random."""
     seed: int = 0
-    """Of noise and starts; to set it or the noise begins the random numbers anew."""
+    """Seed of noise and starts; setting it or the noise restarts the random numbers."""
     rate: float = 50.0
-    """Control periods a second of simulated time [1/s]."""
+    """Control periods per second of simulated time [1/s]."""
     lock_step: bool = True
-    """Whether each command moves the cart by one period, as fast as commands come; else it moves by
-    the wall clock, with the last command, as a real cart does."""
+    """Whether each command moves the cart by one period, as fast as commands arrive; otherwise the
+    cart moves in real time under the last command, as a real one does."""
     real_time_factor: float = 1.0
-    """How many times as fast as real time the cart moves by the wall clock."""
+    """Speed relative to real time, if not in lock-step."""
     command_timeout: float = 0.1
-    """How long the last command stands when no other comes, by the wall clock; then the force is
-    0 [s]."""
+    """How long the last command is applied, if not in lock-step and no other arrives; then the
+    force is 0 [s]."""
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
-        require_one_of("plant of a simulator", self.plant, BODIES)
-        self.body()
+        require_one_of("plant of a simulator", self.plant, SIMULATED)
+        self.plant_settings()
         if len(self.start_state) != 4 or any(map(math.isinf, self.start_state)):
             raise UprightError(f"start_state is {self.start_state}; it must be four numbers")
         require("seed", self.seed, 0, 2**63 - 1, whole=True)
@@ -60,40 +60,42 @@ class SimulatorSettings:
         self.spec()
         require("command_timeout", self.command_timeout, 0, 3600, above=True)
 
-    def body(self) -> PlantSettings:
+    def plant_settings(self) -> PlantSettings:
         """Return the settings of the plant."""
         changes = [part for part in self.plant_set.split(",") if part.strip()]
         changes += ["gui=True"] * self.gui
         return change_settings(PLANTS.default(self.plant), dict(pairs("plant_set", changes)))
 
     def spec(self) -> TaskSpec:
-        """Return plant parameters, noise and start."""
+        """Return the task: the plant's parameters, noise and start."""
         changes = parse_parameters(part for part in self.parameters.split(",") if part.strip())
         if "time_step" in changes:
-            raise UprightError("parameters has a time_step; rate sets it here")
+            raise UprightError(
+                f"parameters is {self.parameters!r}; it must not set time_step, which rate sets"
+            )
         parameters = make_parameters(changes | {"time_step": 1 / self.rate})
         return TaskSpec(self.noise, self.start, parameters=parameters)
 
 
 @dataclass(frozen=True)
 class LearnerSettings:
-    """What can be set of the learner."""
+    """Settings of the learner."""
 
     agent: str = "reinforce"
-    """Who learns: one of `upright agents`, or module:name."""
+    """Agent that learns: one of `upright agents`, or module:name."""
     settings: str = "default"
-    """Its settings: default (tuned) or as-published."""
+    """Settings of the agent: default (tuned) or as-published."""
     policy: str = ""
-    """A saved policy that balances in place of an agent that learns; FILE.npz or FILE.json."""
+    """Saved policy to play in place of an agent; FILE.npz or FILE.json."""
     seed: int = 0
-    """Of the agent's random numbers."""
+    """Seed of the agent's random numbers."""
     steps: int = STEPS
     """A trial of this many steps succeeds."""
     trials: int = TRIALS
-    """The run is at most this many trials."""
+    """Maximum number of trials in the run."""
     save: str = ""
-    """Where what was learned is saved: FILE.npz or FILE.json."""
+    """Where to save the learned policy; FILE.npz or FILE.json."""
     watchdog: float = 0.5
-    """How long measurements may cease before the cart is stopped and the run given up [s]."""
+    """Longest time without a measurement before the cart is stopped and the run aborted [s]."""
     patience: float = 10.0
-    """How long to wait until the cart is found, and until it is reset [s]."""
+    """Longest time to wait for the cart to appear, and for a reset [s]."""

@@ -1,4 +1,4 @@
-"""The simulator: a cart-pole behind the topics that a real cart has, too."""
+"""The simulator: a cart-pole with the topics of a real cart."""
 
 import math
 import os
@@ -49,16 +49,16 @@ from upright.plants.urdf import HINGE, SLIDER
 from upright.support.exit_status import exit_status
 
 CHANGEABLE = ("noise", "start", "start_state", "seed", "parameters")
-"""Parameters that may be set while the node runs; they count from the next reset on."""
+"""Parameters that may be set while the node runs; they take effect at the next reset."""
 
 
 class Simulator:
-    """Owns a plant, moves it by commands, and publishes what is measured.
+    """Owns a plant, moves it as commanded, and publishes measurements.
 
     Parameters
     ----------
     node
-        Whose topics and parameters are used.
+        The node that has the topics and parameters.
 
     Raises
     ------
@@ -78,10 +78,10 @@ class Simulator:
         self._measured = JointState(name=[SLIDER, HINGE], effort=[0.0, 0.0])
         self._held = False  # whether the pole is held until the first command of a trial
         self._force = 0.0  # the last command [N]
-        self._commanded = 0.0  # when it came [s]
+        self._commanded = 0.0  # time at which it arrived [s]
         self._punctuality = Punctuality()
 
-        self._warm_up()  # before anybody finds the topics
+        self._warm_up()  # before any program can find the topics
         node.add_on_set_parameters_callback(self._on_parameters)
         self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
         self._statuses = node.create_publisher(String, STATUS, KEPT)
@@ -90,11 +90,11 @@ class Simulator:
         node.create_service(Trigger, RESET, self._on_reset)
         self._executor = make_executor(node.context)
         self._executor.add_node(node)
-        self._say(DONE)
-        self._show(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
+        self._set_status(DONE)
+        self._publish(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
 
     def run(self, stopped: Event, parent: int | None) -> None:
-        """Serve until stopped, or until the process that started this one is gone."""
+        """Serve until stopped, or until the parent process is gone."""
         period = 1 / (self.settings.rate * self.settings.real_time_factor)
         due = math.inf if self.settings.lock_step else time.monotonic() + period
         while not stopped.is_set() and (parent is None or os.getppid() == parent):
@@ -106,11 +106,11 @@ class Simulator:
                 due += period
 
     def __str__(self) -> str:
-        how = "in lock-step" if self.settings.lock_step else "by the wall clock"
-        return f"{self.settings.plant} {how}, ROS domain {self._node.context.get_domain_id()}"
+        pace = "in lock-step" if self.settings.lock_step else "in real time"
+        return f"{self.settings.plant} {pace}, ROS domain {self._node.context.get_domain_id()}"
 
     def close(self) -> None:
-        """Release the plant, and tell how punctual its last trial was."""
+        """Release the plant, and log how punctual its last trial was."""
         self._report()
         self._executor.remove_node(self._node)
         self._plant.close()
@@ -118,10 +118,10 @@ class Simulator:
     def _make_plant(self) -> Plant:
         spec = self.settings.spec()
         context = RunContext(spec.task(), spec, 0, np.zeros(1, np.bool_))
-        return self.settings.body().make(context)[0]
+        return self.settings.plant_settings().make(context)[0]
 
     def _warm_up(self) -> None:
-        """Have everything compiled, which takes longer than others would wait for an answer."""
+        """Compile everything, which takes longer than a client waits for an answer."""
         self._plant.reset(draw_start(self._task.start, np.random.default_rng(0)))
         self._plant.has_fallen(self._plant.step(0.0))
 
@@ -149,21 +149,21 @@ class Simulator:
             self._node.set_parameters([Parameter("start_state", value=list(DRAWN))])
         state = self._plant.reset(state)
         self._force, self._held = 0.0, True
-        self._say(BALANCING)
-        self._show(measure(self._task.noise, state, self._rng), 0.0)
+        self._set_status(BALANCING)
+        self._publish(measure(self._task.noise, state, self._rng), 0.0)
         response.success = True
         return response
 
     def _on_effort(self, raw: bytes) -> None:
-        """Obey a command, if a trial is going on, and if it can be obeyed."""
+        """Obey a command if a trial is in progress and the force is within the limit."""
         limit = self._task.parameters.force
         numbers = read_numbers(raw)
         force = numbers[0] if len(numbers) == 1 else math.nan
         if not abs(force) <= limit:
             self._log.error(f"{EFFORT} is {numbers}; it must be one number in ±{limit}")
-            self._say(f"{FAULT}{EFFORT} is {numbers}, beyond ±{limit} N")
+            self._set_status(f"{FAULT}{EFFORT} is {numbers}, beyond ±{limit} N")
         elif self._status.data != BALANCING:
-            self._say(self._status.data)  # the other side may not have heard of it
+            self._set_status(self._status.data)  # the learner may have missed it
             self._rest()
         elif self.settings.lock_step:
             self._advance(force)
@@ -176,39 +176,40 @@ class Simulator:
         noise = self._task.noise
         state = self._plant.step(disturb(noise, force, self._rng))
         if self._plant.has_fallen(state):
-            self._say(DONE)
-        self._show(measure(noise, state, self._rng), force)
+            self._set_status(DONE)
+        self._publish(measure(noise, state, self._rng), force)
 
     def _tick(self, due: float) -> None:
-        """Let a period of the wall clock pass, which ended at `due`."""
+        """Let a real-time period pass, which was due to end at the time `due` [s]."""
         if self._status.data != BALANCING or self._held:
             self._rest()
             return
         now = time.monotonic()
         if self._force and now - self._commanded > self.settings.command_timeout:
             self._force = 0.0
-            self._log.warning(f"no {EFFORT} for {self.settings.command_timeout:g} s; it is 0 now")
+            timeout = self.settings.command_timeout
+            self._log.warning(f"no {EFFORT} arrived for {timeout:g} s; the force is now 0")
         self._advance(self._force)
         self._punctuality.period(now - due, time.monotonic())
 
-    def _show(self, measured: State, force: float) -> None:
-        """Let a period pass, and publish what is measured then."""
+    def _publish(self, measured: State, force: float) -> None:
+        """Let a period pass, and publish a new measurement."""
         x, x_dot, theta, theta_dot = measured
         self._measured.position, self._measured.velocity = [x, theta], [x_dot, theta_dot]
         self._measured.effort = [force, 0.0]
         self._rest()
 
     def _rest(self) -> None:
-        """Let a period pass, and publish what was measured last."""
+        """Let a period pass, and publish the last measurement again."""
         self._stamp += self._period
         stamp = self._measured.header.stamp
         stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
-        if self._clocks.get_subscription_count():  # else it would take as long as the plant
+        if self._clocks.get_subscription_count():  # publishing takes as long as the plant does
             self._clocks.publish(Clock(clock=stamp))
         self._states.publish(self._measured)
 
-    def _say(self, status: str) -> None:
-        """Publish a status. It changes seldom, and goes before the measurement it belongs to."""
+    def _set_status(self, status: str) -> None:
+        """Publish a status, which must precede the measurement that it belongs to."""
         self._status.data = status
         self._statuses.publish(self._status)
 
@@ -219,7 +220,7 @@ class Simulator:
 
 
 def main(
-    given: ParameterValues | None = None,
+    values: ParameterValues | None = None,
     arguments: Sequence[str] | None = None,
     parent: int | None = None,
 ) -> int:
@@ -227,20 +228,20 @@ def main(
 
     Parameters
     ----------
-    given
-        Settings by name; ROS parameters besides.
+    values
+        Settings by name; ROS arguments can set others.
     arguments
-        ROS arguments; those of the command line unless given.
+        ROS arguments; those of the command line by default.
     parent
-        Id of the process with which to end.
+        Id of the parent process: the simulator exits when that is gone.
     """
     stopped = Event()
-    # No KeyboardInterrupt: what is compiled at the start would swallow it.
+    # Not KeyboardInterrupt, which the compilation at the start would swallow.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
 
     def work() -> int:
-        with new_node(SIMULATOR, given or {}, arguments) as node:
+        with new_node(SIMULATOR, values or {}, arguments) as node:
             simulator = Simulator(node)
             try:
                 print(f"simulating {simulator}", flush=True)

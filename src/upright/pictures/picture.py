@@ -1,9 +1,8 @@
-"""The cart-pole drawn in pixels, once: for windows, videos and the environments.
+"""Draws the cart-pole in pixels, for windows, videos and the environments alike.
 
-Positions and the pole's length are true to one scale, which fits the track and the upright pole
-into the picture; the cart has the same size whatever the scale. What the agent measured is a pale
-second pole. As the noise is too small to be seen there, the gauge at the top shows both angles
-larger.
+Positions and the pole's length are drawn to one scale, which fits the track and the upright pole
+into the picture; the cart has a fixed size. A pale second pole shows what the agent measured. Noise
+is too small to be visible there, so the gauge at the top shows both angles enlarged.
 """
 
 import math
@@ -17,31 +16,29 @@ import numpy as np
 
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError, require_module
-from upright.pictures.scene import Scene
+from upright.pictures.scene import NOT_FINITE, Scene
 
 if TYPE_CHECKING:
     import pygame
 
 WIDTH, HEIGHT = 640, 352
-"""Size of a picture [pixels]; multiples of 16, which codecs of video like."""
-
-
+"""Size of a picture [pixels]; multiples of 16, which video codecs prefer."""
 PAPER, INK, FAINT = "#ffffff", "#3d4654", "#dde2e9"
 LIMIT, LIMIT_FAINT = "#b02a5b", "#f3dbe4"
 CART, POLE, GHOST, FORCE = "#1f6fb4", "#d1701f", "#f1c8a5", "#2a8f4f"
 
 FINER = 2
-"""Pictures are drawn so many times larger and shrunk, which smooths all edges."""
+"""Pictures are drawn this many times larger and then shrunk, which smooths all edges."""
 TRACK_Y, HINGE_Y = 284, 246
-"""Heights of the track's surface and of the hinge, counted from the top [pixels]."""
+"""Heights of the track's surface and of the hinge, measured from the top [pixels]."""
 MARGIN, ROOM_ABOVE = 70, 66
-"""Room beside the position limits, and above the upright pole [pixels]."""
+"""Margins beside the position limits, and above the upright pole [pixels]."""
 CART_WIDTH, CART_HEIGHT, WHEEL = 64, 26, 7
 POLE_WIDTH = 8
 ARROW = 46
-"""Length of the arrow for the plant's usual push [pixels]."""
+"""Length of the arrow that shows the plant's usual push [pixels]."""
 GAUGE_X, GAUGE_Y, GAUGE_HALF = 500, 28, 100
-"""The gauge: middle, height, and half of its length, which stands for the angle limit [pixels]."""
+"""The gauge: its middle, its height, and half its length, which is the angle limit [pixels]."""
 
 Point = tuple[float, float]
 
@@ -52,10 +49,10 @@ def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
     Parameters
     ----------
     parameters
-        The plant, whose limits and length of pole give the scale.
+        Parameters of the plant; its limits and the pole's length determine the scale.
     scene
-        What is shown. Where the state is no number, the picture says so. A cart further out than
-        the picture stands at its edge.
+        What is shown. A state that is not finite is replaced by a message. A cart that is outside
+        the picture is drawn at its edge.
 
     Returns
     -------
@@ -74,24 +71,26 @@ def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
         _draw_world(canvas, parameters, scene)
         _draw_gauge(canvas, parameters, scene)
     else:
-        canvas.write("the state is no number", (WIDTH / 2, HEIGHT / 2), 28)
+        canvas.write(NOT_FINITE, (WIDTH / 2, HEIGHT / 2), 28)
     shrunk = pygame.transform.smoothscale(canvas.surface, (WIDTH, HEIGHT))
     pixels = np.frombuffer(pygame.image.tobytes(shrunk, "RGB"), np.uint8)
     return pixels.reshape(HEIGHT, WIDTH, 3).copy()
 
 
 def _pygame() -> ModuleType:
-    """Return the module, quiet, with its fonts ready; nothing else of it is needed off screen."""
+    """Return pygame, without its greeting and with its fonts ready, which is enough off screen."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     pygame: ModuleType = require_module("pygame", "drawing needs pygame-ce", "video")
     if not getattr(pygame, "IS_CE", False):
-        raise UprightError("drawing needs pygame-ce, but there is pygame; uninstall that first")
+        raise UprightError(
+            "drawing needs pygame-ce, but pygame is installed; uninstall pygame first"
+        )
     pygame.font.init()
     return pygame
 
 
 class _Canvas:
-    """A surface FINER times larger than the picture, drawn on in the picture's own pixels."""
+    """A surface FINER times larger than the picture, with coordinates in the picture's pixels."""
 
     def __init__(self, pygame: ModuleType, surface: "pygame.Surface") -> None:
         self.pygame, self.surface = pygame, surface
@@ -110,7 +109,7 @@ class _Canvas:
         self.pygame.draw.rect(self.surface, colour, fine, border_radius=round(FINER * round_))
 
     def rod(self, colour: str, start: Point, end: Point, width: float) -> None:
-        """Draw a thick line with round ends."""
+        """Draw a thick line with rounded ends."""
         length = math.dist(start, end) or 1.0
         across = (end[1] - start[1]) * width / 2 / length, (start[0] - end[0]) * width / 2 / length
         corners = [
@@ -122,7 +121,7 @@ class _Canvas:
         self.disc(colour, end, width / 2)
 
     def write(self, text: str, place: Point, size: int, align: float = 0.5) -> None:
-        """Write a line, `place` lying at this part of its length, in the middle of its height."""
+        """Write a line of text with the fraction `align` of its width to the left of `place`."""
         letters = [_letter(letter, FINER * size) for letter in text]
         x = FINER * place[0] - align * sum(letter.get_width() for letter in letters)
         for letter in letters:
@@ -132,16 +131,16 @@ class _Canvas:
 
 @lru_cache(256)
 def _letter(letter: str, size: int) -> "pygame.Surface":
-    """Return a letter in the font that pygame brings along.
+    """Return a letter in pygame's own font.
 
-    Loading the font for each picture would take as long as all the rest, and to keep it is unsafe:
-    another part of the program may end pygame at any time, and every font with it.
+    Letters are cached, not the font: loading the font for each picture would double the time that a
+    picture takes, and a font becomes invalid when another part of the program quits pygame.
     """
     return _pygame().font.Font(None, size).render(letter, True, INK)  # type: ignore[no-any-return]
 
 
 def _scale(parameters: Parameters) -> float:
-    """Return how many pixels a metre has."""
+    """Return the scale [pixels/m]."""
     return min(
         (WIDTH / 2 - MARGIN) / parameters.position_limit,
         (HINGE_Y - ROOM_ABOVE) / (2 * parameters.half_length),
@@ -150,7 +149,7 @@ def _scale(parameters: Parameters) -> float:
 
 @lru_cache(16)
 def _backdrop(parameters: Parameters) -> "pygame.Surface":
-    """Return what stays: the track with its limits and metres, and the gauge's scale."""
+    """Return what never moves: the track with its limits and metres, and the gauge's scale."""
     pygame = _pygame()
     canvas = _Canvas(pygame, pygame.Surface((FINER * WIDTH, FINER * HEIGHT), depth=32))
     canvas.surface.fill(PAPER)
@@ -172,7 +171,7 @@ def _backdrop(parameters: Parameters) -> "pygame.Surface":
 
 
 def _tick(at_least: float) -> float:
-    """Return the smallest of 1, 2, 5, 10, 20 … (and 0.5, 0.2, 0.1 …) that is not below."""
+    """Return the smallest of …, 0.1, 0.2, 0.5, 1, 2, 5, 10, … that is at least this number."""
     power = 10.0 ** math.floor(math.log10(at_least))
     return next(power * factor for factor in (1, 2, 5, 10) if power * factor >= at_least)
 
@@ -188,8 +187,8 @@ def _draw_gauge_scale(canvas: _Canvas, parameters: Parameters) -> None:
 
 
 def _draw_gauge(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
-    """Mark the true angle, and below the scale the one that the agent saw."""
-    for state, colour, rise in ((scene.state, POLE, -14), (scene.mistaken, GHOST, 14)):
+    """Mark the true angle above the scale, and the one that the agent measured below it."""
+    for state, colour, rise in ((scene.state, POLE, -14), (scene.mismeasured, GHOST, 14)):
         if state is not None:
             part = state.theta / parameters.angle_limit
             x = GAUGE_X + GAUGE_HALF * max(-1.15, min(part, 1.15))
@@ -198,7 +197,7 @@ def _draw_gauge(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
 
 
 def _draw_world(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
-    """Draw the angle limits, the cart, the pole as the agent saw it and as it is, and the push."""
+    """Draw the angle limits, the cart, the measured pole, the true pole, and the push."""
     hinge = _hinge(parameters, scene.state)
     for side in (-1, 1):
         end = _tip(parameters, hinge, side * parameters.angle_limit)
@@ -209,9 +208,10 @@ def _draw_world(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
         canvas.disc(FAINT, (wheel, TRACK_Y - WHEEL), WHEEL / 3)
     middle = HINGE_Y + CART_HEIGHT / 2 - 4
     canvas.box(CART, (x, middle), CART_WIDTH, CART_HEIGHT, 6)
-    if scene.mistaken is not None:
-        seen = _hinge(parameters, scene.mistaken)
-        canvas.rod(GHOST, seen, _tip(parameters, seen, scene.mistaken.theta), POLE_WIDTH)
+    if scene.mismeasured is not None:
+        measured = _hinge(parameters, scene.mismeasured)
+        tip = _tip(parameters, measured, scene.mismeasured.theta)
+        canvas.rod(GHOST, measured, tip, POLE_WIDTH)
     canvas.rod(POLE, hinge, _tip(parameters, hinge, scene.state.theta), POLE_WIDTH)
     canvas.disc(INK, hinge, 0.7 * POLE_WIDTH)
     canvas.disc(PAPER, hinge, 0.25 * POLE_WIDTH)
@@ -224,13 +224,13 @@ def _hinge(parameters: Parameters, state: State) -> Point:
 
 
 def _tip(parameters: Parameters, hinge: Point, angle: float) -> Point:
-    """Return where a pole ends that leans by `angle` [rad]."""
+    """Return the upper end of a pole that leans by `angle` [rad]."""
     length = 2 * parameters.half_length * _scale(parameters)
     return hinge[0] + length * math.sin(angle), hinge[1] - length * math.cos(angle)
 
 
 def _draw_force(canvas: _Canvas, middle: Point, part: float) -> None:
-    """Draw an arrow from the cart's side, for a force of so many usual pushes."""
+    """Draw an arrow from the cart's side; `part` is the force in units of the usual push."""
     if part == 0.0:
         return
     side, length = math.copysign(1.0, part), ARROW * min(abs(part), 2.0)

@@ -1,12 +1,12 @@
 """What one picture of the cart-pole shows."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from upright.core.parameters import State
 
-if TYPE_CHECKING:
-    pass
+NOT_FINITE = "the state is not finite"
+"""Shown in place of a state that has diverged."""
 
 
 class Scene(NamedTuple):
@@ -15,21 +15,22 @@ class Scene(NamedTuple):
     state: State
     """The true state."""
     measured: State | None = None
-    """What the agent saw of it."""
+    """The state as the agent measured it."""
     force: float = 0.0
     """The force that acts on the cart [N]."""
     caption: str = ""
-    """The line on top."""
+    """The line at the top."""
 
     @property
     def is_finite(self) -> bool:
-        """Whether there is something to draw: a state that diverged is none."""
+        """Whether the state can be drawn; one that has diverged cannot."""
         return all(map(math.isfinite, (*self.state, self.force)))
 
     @property
-    def mistaken(self) -> State | None:
-        """What the agent saw, if it saw cart or pole at another place than they are."""
-        seen = self.measured
-        if seen is None or not all(map(math.isfinite, seen)):
+    def mismeasured(self) -> State | None:
+        """The measured state, if its cart or pole is not where the true one is."""
+        measured = self.measured
+        if measured is None or not all(map(math.isfinite, measured)):
             return None
-        return seen if (seen.x, seen.theta) != (self.state.x, self.state.theta) else None
+        is_right = (measured.x, measured.theta) == (self.state.x, self.state.theta)
+        return None if is_right else measured

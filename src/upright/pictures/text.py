@@ -1,25 +1,21 @@
-"""The cart-pole drawn in characters."""
+"""Draws the cart-pole in characters."""
 
 import math
-from typing import TYPE_CHECKING
 
 from upright.core.parameters import Parameters
-from upright.pictures.scene import Scene
-
-if TYPE_CHECKING:
-    pass
+from upright.pictures.scene import NOT_FINITE, Scene
 
 COLUMNS, ROWS = 61, 4
 """Width of the track and height of the pole in text [characters]."""
 
 
 def text_picture(parameters: Parameters, scene: Scene) -> str:
-    """Return the picture of a scene in a few lines of text, the numbers below it.
+    """Return the picture of a scene in a few lines of text, with the numbers below it.
 
-    The pole's lean is drawn larger than it is: at the angle limit it is a diagonal.
+    The pole's lean is exaggerated: at the angle limit the pole is a diagonal.
     """
     if not scene.is_finite:
-        return f"{scene.caption}\nthe state is no number"
+        return f"{scene.caption}\n{NOT_FINITE}"
     state = scene.state
     column = round((COLUMNS - 1) / 2 * (1 + _within_one(state.x / parameters.position_limit)))
     lean = _within_one(state.theta / parameters.angle_limit)

@@ -1,28 +1,24 @@
-"""A window that shows pictures as fast as they would happen."""
+"""A window that shows pictures in real time."""
 
 import os
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from upright.errors import UprightError
 from upright.pictures.picture import HEIGHT, WIDTH, _pygame
 
-if TYPE_CHECKING:
-    pass
-
 
 class Window:
-    """A window that shows pictures, at its own pace.
+    """A window that shows pictures at a fixed rate.
 
     Parameters
     ----------
     title
-        What stands above it.
+        Title of the window.
     frames_per_second
-        How many pictures are shown a second; less if they come later.
+        Highest number of pictures shown per second.
 
     Raises
     ------
@@ -31,7 +27,7 @@ class Window:
     """
 
     is_open: bool
-    """Whether the window can be seen: until it is closed, or Esc or q pressed."""
+    """Whether the window is open; closing it, Esc and q end that."""
 
     def __init__(self, title: str, frames_per_second: float) -> None:
         self._pygame = pygame = _pygame()
@@ -39,15 +35,16 @@ class Window:
             _find_display(pygame)
             self._window = pygame.Window(title, (WIDTH, HEIGHT))
         except pygame.error as error:
-            why = f"a window cannot be opened: {error}"
-            raise UprightError(f"{why}; a video can be written without one") from None
+            raise UprightError(
+                f"a window cannot be opened: {error}; a video can be written without a display"
+            ) from None
         self._clock, self._rate = pygame.time.Clock(), frames_per_second
-        pygame.event.clear()  # the closing of an earlier window, say
+        pygame.event.clear()  # such as the closing of an earlier window
         self.is_open = True
 
     def show(self, pixels: np.ndarray) -> None:
-        """Show a picture as `picture` returns it, once it is time. A closed window shows none."""
-        if self._is_left():
+        """Wait until the next picture is due and show it, unless the window is closed."""
+        if self._is_dismissed():
             self.close()
         if self.is_open:
             surface = self._pygame.image.frombuffer(pixels.tobytes(), (WIDTH, HEIGHT), "RGB")
@@ -55,8 +52,8 @@ class Window:
             self._window.get_surface().blit(surface, (0, 0))
             self._window.flip()
 
-    def _is_left(self) -> bool:
-        """Whether the user closed the window, or pressed a key that does."""
+    def _is_dismissed(self) -> bool:
+        """Whether the user closed the window or pressed Esc or q."""
         pygame = self._pygame
         return any(
             event.type in (pygame.QUIT, pygame.WINDOWCLOSE)
@@ -72,7 +69,7 @@ class Window:
 
 
 def _find_display(pygame: ModuleType) -> None:
-    """Get ready for windows, or fail: without a display SDL would draw nowhere, and not tell."""
+    """Initialise the display, or fail; without a display SDL would silently draw off screen."""
     chosen = os.environ.get("SDL_VIDEODRIVER")
     named = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform == "linux" and not named and not chosen:

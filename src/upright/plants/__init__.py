@@ -1,7 +1,8 @@
-"""The plants that agents balance, each in a file or folder of its own, with its settings.
+"""The plants that agents balance, each in its own file or folder, with its settings.
 
-The contract that they share is `core.contracts.Plant`: put into a state, pushed for one time step,
-asked whether it fell, closed. May import `upright.core` and what stands left of it.
+All of them meet the contract `core.contracts.Plant`: a plant can be put into a state, pushed for
+one time step, asked whether it has fallen, and closed. May import `upright.core` and what stands
+left of it.
 """
 
 from collections.abc import Mapping
@@ -21,7 +22,7 @@ PLANTS: Registry[PlantSettings] = Registry(
     },
     group="upright.plants",
 )
-"""Every plant, and its module. Installed packages register more: entry points `upright.plants`.
+"""Every plant and its module. Installed packages can register more as entry points.
 
 Examples
 --------
@@ -38,12 +39,12 @@ def describe_plant(settings: PlantSettings) -> dict[str, Any]:
 
 
 def restore_plant(values: Mapping[str, Any]) -> PlantSettings:
-    """Return the plant that was described as data.
+    """Return the settings of a plant that `describe_plant` described.
 
     Raises
     ------
     UprightError
-        If there is no such plant, or the settings are not its own, or not allowed.
+        If there is no such plant, or the settings are not its own or are not allowed.
     """
     own = {name: value for name, value in values.items() if name != "name"}
     return PLANTS.restore(values.get("name", ""), own)

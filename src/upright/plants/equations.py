@@ -1,4 +1,4 @@
-"""The equations of motion, compiled: the plant of the published tables."""
+"""Compiled equations of motion: the plant of the published tables."""
 
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -15,7 +15,7 @@ from upright.plants.settings import RunContext
 
 
 class Equations(NamedTuple):
-    """The plant as compiled equations of motion, behind the contract of every plant."""
+    """The compiled equations of motion, as a plant."""
 
     parameters: Parameters
     integrator: int
@@ -32,16 +32,16 @@ class Equations(NamedTuple):
 
     @compiled
     def step(self, force: float) -> State:
-        """Apply a force [N] for one time step and return the state then."""
+        """Apply a force [N] for one time step and return the next state."""
         memory = self.memory
         state = State(memory[0], memory[1], memory[2], memory[3])
-        after = step(self.parameters, state, force, self.integrator)
-        memory[0], memory[1], memory[2], memory[3] = after
-        return after
+        state = step(self.parameters, state, force, self.integrator)
+        memory[0], memory[1], memory[2], memory[3] = state
+        return state
 
     @inlined
     def has_fallen(self, state: State) -> bool:
-        """Whether the pole or the cart left its limits."""
+        """Whether the pole or the cart has left its limits."""
         return has_fallen(self.parameters, state)
 
     def close(self) -> None:
@@ -54,7 +54,7 @@ def equations(parameters: Parameters | None = None, integrator: str = "euler") -
     Parameters
     ----------
     parameters
-        Of the plant; the published ones unless given.
+        Parameters of the plant; the published ones by default.
     integrator
         "euler" as in the published tables, "semi-implicit" or "rk4".
 
@@ -88,7 +88,7 @@ class EquationsSettings:
     """Settings of the equations."""
 
     integrator: str = "euler"
-    """How one time step is computed: euler (as published), semi-implicit or rk4."""
+    """Method of computing a time step: euler (as published), semi-implicit or rk4."""
 
     name: ClassVar[str] = "equations"
     alone: ClassVar[bool] = False
@@ -102,7 +102,7 @@ class EquationsSettings:
         return equations(context.task.parameters, self.integrator), context.task
 
     def version(self) -> str:
-        """Return nothing: there is no simulator behind the equations."""
+        """Return an empty string: there is no simulator behind the equations."""
         return ""
 
 

@@ -1,13 +1,14 @@
-"""The cart-pole in MuJoCo, behind the same contract as the equations.
+"""The cart-pole in MuJoCo.
 
-Its joints, masses and frictions are those of the URDF; the force on the cart is held over a control
-period, in which MuJoCo makes one or more steps. MuJoCo's friction of the cart grows with its speed
-up to the friction of the equations, which jumps with the sign; in all else the physics is the same.
+Joints, masses and friction are those of the URDF; the force on the cart is constant over a control
+period, in which MuJoCo makes one or more steps. MuJoCo's cart friction grows with the cart's speed
+until it reaches the friction of the equations, which jumps with the sign of the speed; otherwise
+the physics is the same.
 
-The plant is compiled as the equations are: the compiled loop calls MuJoCo's C functions at their
-addresses, and reads and writes the state where MuJoCo keeps it. MuJoCo's own resets after numbers
-that diverged are off: such a state has fallen instead, and MuJoCo writes a warning to the standard
-error and to MUJOCO_LOG.TXT.
+The plant is compiled as the equations are: the compiled loop calls MuJoCo's C functions by address,
+and reads and writes the state in MuJoCo's memory. MuJoCo's own reset of diverged simulations is
+disabled: a diverged state counts as fallen, and MuJoCo writes a warning to standard error and to
+MUJOCO_LOG.TXT.
 """
 
 import ctypes
@@ -30,7 +31,7 @@ from upright.plants.settings import RunContext, count_steps
 from upright.plants.urdf import text
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
-"""MuJoCo's names of how a step is computed."""
+"""MuJoCo's names of its integrators."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,9 @@ class Mujoco:
     """Settings of the plant in MuJoCo."""
 
     physics_step: float = Parameters().time_step
-    """MuJoCo's time step [s]; a whole number of them must make up the time between two pushes."""
+    """MuJoCo's time step [s]; the time between two pushes must be a multiple of it."""
     integrator: str = "rk4"
-    """How MuJoCo computes a step, one of INTEGRATORS; all but rk4 are of order 1."""
+    """MuJoCo's integrator: euler, implicit, implicitfast or rk4; all but rk4 are of order 1."""
 
     def __post_init__(self) -> None:
         """Refuse impossible settings."""
@@ -58,14 +59,14 @@ class Mujoco:
         """Return the version of MuJoCo."""
         return f"mujoco-{_mujoco().__version__}"
 
-    def plant(self, parameters: Parameters | None = None) -> "Body":
+    def plant(self, parameters: Parameters | None = None) -> "MujocoPlant":
         """Return the plant, at rest and upright.
 
         Raises
         ------
         UprightError
-            If MuJoCo is missing, a parameter is impossible, or physics steps do not make up the
-            time step.
+            If MuJoCo is missing, a parameter is impossible, or the time step is not a multiple of
+            the physics step.
         """
         mujoco = _mujoco()
         parameters = check_parameters(parameters or Parameters())
@@ -77,12 +78,12 @@ class Mujoco:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         data = mujoco.MjData(model)
         library = _library(Path(mujoco.__file__).parent)
-        return Body(
+        return MujocoPlant(
             parameters=parameters,
             substeps=substeps,
-            position=_Kept.view(data.qpos, model, data),
-            velocity=_Kept.view(data.qvel, model, data),
-            force=_Kept.view(data.qfrc_applied, model, data),
+            position=_OwningArray.view(data.qpos, model, data),
+            velocity=_OwningArray.view(data.qvel, model, data),
+            force=_OwningArray.view(data.qfrc_applied, model, data),
             model=model._address,
             data=data._address,
             mj_step=_address(library.mj_step),
@@ -95,7 +96,7 @@ def _mujoco() -> Any:
 
 
 def _library(folder: Path) -> ctypes.CDLL:
-    """Return MuJoCo's C library, which its Python package has loaded already."""
+    """Return MuJoCo's C library, which its Python package has already loaded."""
     return ctypes.CDLL(str(next(folder.glob("*mujoco.*"))))
 
 
@@ -105,8 +106,8 @@ def _address(function: Any) -> int:
     return address
 
 
-class _Kept:
-    """Stands behind an array in MuJoCo's memory and keeps that alive as long as the array is."""
+class _OwningArray:
+    """Owner of an array in MuJoCo's memory, which keeps that memory alive."""
 
     def __init__(self, array: np.ndarray, *owners: object) -> None:
         self.__array_interface__ = array.__array_interface__
@@ -114,7 +115,7 @@ class _Kept:
 
     @classmethod
     def view(cls, array: np.ndarray, *owners: object) -> np.ndarray:
-        """Return the same array, and keep its owners with it, as MuJoCo's arrays do not."""
+        """Return a view of an array that keeps its owners alive, as MuJoCo's arrays do not."""
         return np.asarray(cls(array, *owners))
 
 
@@ -129,41 +130,41 @@ def _call_at(typing_context, function, model, data):  # type: ignore[no-untyped-
 
 
 _call: Any = intrinsic(_call_at)
-"""Calls a C function of model and data, all given by address: none may stand in code that is kept
-on disk."""
+"""Calls a C function of model and data. All addresses are arguments, because compiled code that is
+cached on disk must not contain any."""
 
 
-class Body(NamedTuple):
-    """The plant in MuJoCo. It belongs to the process that made it, as addresses do."""
+class MujocoPlant(NamedTuple):
+    """The plant in MuJoCo. It holds addresses, so only the process that made it can use it."""
 
     parameters: Parameters
     substeps: int
-    """MuJoCo's steps in a time step."""
+    """Number of MuJoCo's steps in a time step."""
     position: np.ndarray
-    """MuJoCo's x [m] and theta [rad]."""
+    """MuJoCo's array of x [m] and theta [rad]."""
     velocity: np.ndarray
-    """Its x_dot [m/s] and theta_dot [rad/s]."""
+    """MuJoCo's array of x_dot [m/s] and theta_dot [rad/s]."""
     force: np.ndarray
-    """Its force on the cart [N] and torque at the hinge, which is 0 [N m]."""
+    """MuJoCo's array of the force on the cart [N] and the torque at the hinge, which is 0 [N m]."""
     model: int
-    """Where MuJoCo's description of the body lies."""
+    """Address of MuJoCo's mjModel, the description of the plant."""
     data: int
-    """Where the present state and all that MuJoCo computed with it lies."""
+    """Address of MuJoCo's mjData, the present state and what is computed from it."""
     mj_step: int
-    """Address of MuJoCo's function."""
+    """Address of MuJoCo's mj_step."""
     mj_reset: int
     """Address of MuJoCo's mj_resetData."""
 
     @compiled
     def reset(self, state: State) -> State:
-        """Put the plant into `state`; nothing remains of what was before."""
+        """Put the plant into `state`; nothing of its history remains."""
         _call(self.mj_reset, self.model, self.data)
         self.position[0], self.velocity[0], self.position[1], self.velocity[1] = state
         return state
 
     @compiled
     def step(self, force: float) -> State:
-        """Apply a force [N] for one time step and return the state then."""
+        """Apply a force [N] for one time step and return the next state."""
         self.force[0] = force
         for _ in range(self.substeps):
             _call(self.mj_step, self.model, self.data)
@@ -171,14 +172,14 @@ class Body(NamedTuple):
 
     @inlined
     def has_fallen(self, state: State) -> bool:
-        """Whether the pole or the cart left its limits."""
+        """Whether the pole or the cart has left its limits."""
         return has_fallen(self.parameters, state)
 
     def close(self) -> None:
-        """Release nothing: MuJoCo's memory goes with the plant."""
+        """Do nothing; MuJoCo's memory is released when the plant is deleted."""
 
     def __reduce__(self) -> NoReturn:
-        """Refuse to be pickled or copied in depth: the addresses would lead nowhere."""
+        """Refuse to be pickled or deep-copied: the addresses would be invalid."""
         raise TypeError("a plant in MuJoCo cannot be pickled or copied")
 
 

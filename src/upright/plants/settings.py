@@ -1,4 +1,4 @@
-"""What the settings of every plant have in common."""
+"""What the settings of all plants have in common."""
 
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
@@ -13,40 +13,47 @@ if TYPE_CHECKING:
 
 
 class RunContext(NamedTuple):
-    """What a plant is made for."""
+    """The run that a plant is made for."""
 
     task: "Task"
-    """What is to be done, in numbers."""
+    """The task in numbers."""
     spec: "TaskSpec"
-    """The same by names, for a plant that makes its noise itself."""
+    """The same task by names, for plants that produce noise themselves."""
     seed: int
-    """Of random numbers that the plant draws itself."""
+    """Seed of the random numbers that the plant draws itself."""
     stop: "np.ndarray"
     """Shape (1,), bool. Once it is set, the plant may refuse its next step by raising `Stopped`."""
 
 
 class PlantSettings(Fields, Protocol):
-    """A frozen dataclass: how a plant is made."""
+    """Settings of a plant, as a frozen dataclass."""
 
     name: ClassVar[str]
-    """Which of PLANTS it makes."""
+    """Name of the plant in PLANTS."""
     alone: ClassVar[bool]
-    """Whether there is one such plant only, so that its runs are made one after the other."""
+    """Whether only one such plant exists, so that its runs cannot overlap."""
 
     def make(self, context: RunContext) -> "tuple[Plant, Task]":
-        """Return the plant of a run, and the task that is left to the loop."""
+        """Return the plant for a run, and the part of the task that is left to the loop."""
 
     def version(self) -> str:
-        """Return the version of the simulator behind the plant; empty if there is none."""
+        """Return the version of the simulator behind the plant, or an empty string."""
 
 
 def count_steps(physics_step: float, time_step: float) -> int:
-    """Return how many physics steps make up the time between two pushes.
+    """Return the number of physics steps between two pushes.
+
+    Parameters
+    ----------
+    physics_step
+        The simulator's time step [s].
+    time_step
+        The time between two pushes [s].
 
     Raises
     ------
     UprightError
-        If that is no whole number.
+        If it is not a whole number.
     """
     steps = max(1, round(time_step / physics_step))
     if abs(steps * physics_step - time_step) > 1e-9 * time_step:

@@ -1,7 +1,7 @@
 """The cart-pole as a URDF, which MuJoCo, DART, Gazebo and the tools of ROS 2 read.
 
-``cartpole.urdf`` has the default parameters and goes anywhere as it is; `text` gives the
-same for others.
+``cartpole.urdf`` has the default parameters and is self-contained; `text` returns the same for
+other parameters.
 """
 
 from pathlib import Path
@@ -12,11 +12,11 @@ from upright.core.parameters import Parameters, check_parameters
 ASSET = Path(__file__).parent / "cartpole.urdf"
 """The URDF of the default parameters."""
 SLIDER, HINGE = "slider", "hinge"
-"""Names of the joints: of the cart on its track, and of the pole on the cart."""
+"""Names of the joints: between track and cart, and between cart and pole."""
 ROOM = 2.0
-"""Where the track ends, in position limits: far enough that no trial feels it."""
+"""Half of the track's length in position limits: far enough that no trial reaches its end."""
 SLENDERNESS = 50.0
-"""Half of the pole's length in radii of the pole, which matter to nothing but its looks."""
+"""Half of the pole's length in radii of the pole; the radius affects only its appearance."""
 
 
 def text(parameters: Parameters | None = None) -> str:
@@ -27,7 +27,7 @@ def text(parameters: Parameters | None = None) -> str:
     Parameters
     ----------
     parameters
-        Of the plant; the default ones unless given.
+        Parameters of the plant; the published ones by default.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def text(parameters: Parameters | None = None) -> str:
 
 
 def _numbers(p: Parameters) -> dict[str, dict[str, str]]:
-    """Return all that follows from the parameters: attributes by the path of their element."""
+    """Return the attributes that follow from the parameters, by the path of their element."""
     end = ROOM * p.position_limit
     radius = p.half_length / SLENDERNESS
     across = str(p.pole_mass * p.half_length**2 / 3.0)  # a thin rod about its middle

@@ -19,12 +19,12 @@ from upright.studies.fingerprint import fingerprint
 from upright.support.settings import values_of
 
 LANGUAGES = ("Python", "MATLAB")
-"""The languages of a run: this package, or its MATLAB twin."""
+"""Languages that a run can be made in: this package, or its MATLAB twin."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """An agent with its settings on a task: everything that determines a run, save its seed.
+    """An agent with its settings on a task: everything that determines a run except its seed.
 
     Raises
     ------
@@ -33,7 +33,7 @@ class Case:
 
     Examples
     --------
-    `make_case` makes one by names. A setting is changed so:
+    `make_case` makes a case from names. To change a setting, use `dataclasses.replace`:
 
     >>> from dataclasses import replace
     >>> case = upright.make_case("q-learning", noise="actuator-5")
@@ -45,9 +45,9 @@ class Case:
     agent: str
     """Name of the agent."""
     label: str
-    """Name of its settings, for people."""
+    """Name of its settings, for display."""
     settings: Settings
-    """Its settings."""
+    """Settings of the agent."""
     spec: TaskSpec = TaskSpec()
     """The task."""
     language: str = "Python"
@@ -65,32 +65,32 @@ class Case:
             require_one_of("condition of the MATLAB twin", self.spec.condition, ["nominal"])
             if self.plant != EQUATIONS or self.spec.parameters != TaskSpec().parameters:
                 raise UprightError(
-                    "the MATLAB twin has the published parameters and integrator alone"
+                    "the MATLAB twin has only the published parameters and integrator"
                 )
 
     @property
     def name(self) -> str:
-        """Name of the agent, for people."""
+        """Name of the agent, for display."""
         return named(self.agent, self.language, self.plant.name)
 
     def twin_job(self, seed: int, runs: Iterable[int]) -> matlab_twin.TwinJob:
-        """Return what the MATLAB twin must know to run this case.
+        """Return the job that makes the MATLAB twin run this case.
 
         Raises
         ------
         UprightError
-            If its settings have no name.
+            If the settings are not named ones.
         """
         if self.settings != AGENTS.settings(self.agent).get(self.label):
             raise UprightError(
-                "settings are changed; the MATLAB twin takes default or as-published"
+                "settings are changed; for the MATLAB twin they must be default or as-published"
             )
         spec = self.spec
         task = (spec.noise, spec.start, spec.steps, spec.trials)
         return matlab_twin.TwinJob(self.agent, self.label, *task, seed, tuple(runs))
 
     def as_data(self) -> dict[str, Any]:
-        """Return the case as JSON takes it; `from_data` reads it."""
+        """Return the case as data for JSON, which `from_data` reads."""
         return {
             "agent": self.agent,
             "label": self.label,
@@ -102,7 +102,7 @@ class Case:
 
     @cached_property
     def key(self) -> str:
-        """Everything that determines a run save its seed, the rule's own code included, as JSON."""
+        """Everything that determines a run except its seed, including a digest of code, as JSON."""
         ours = self.language == "Python"
         rule = fingerprint(self.agent, self.plant.name) if ours else matlab_twin.twin_version()
         if version := self.plant.version():
@@ -111,7 +111,7 @@ class Case:
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "Case":
-        """Return the case that `as_data` described, also that of a key.
+        """Return the case that is described by the result of `as_data`, or by a key.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class Case:
         plant = dict(values.get("plant", {"name": "equations"}))
         if "task" in values:
             task = dict(values["task"])
-        else:  # a store of version 0.1
+        else:  # from a store of version 0.1
             names = ("noise", "start", "steps", "trials", "condition")
             task = {name: values[name] for name in names if name in values}
         if plant["name"] == "equations":
@@ -137,9 +137,9 @@ class Case:
 
 
 def named(agent: str, language: str, plant: str) -> str:
-    """Return an agent's name, with the language and the plant where they are not the usual ones."""
-    odd = [name for name in (language, plant) if name not in ("Python", "equations")]
-    return f"{agent} ({', '.join(odd)})" if odd else agent
+    """Return an agent's name, with language and plant in brackets if they are not the usual."""
+    unusual = [name for name in (language, plant) if name not in ("Python", "equations")]
+    return f"{agent} ({', '.join(unusual)})" if unusual else agent
 
 
 def make_case(
@@ -150,22 +150,22 @@ def make_case(
     plant: PlantSettings | str = EQUATIONS,
     **task: Any,
 ) -> Case:
-    """Return the case of an agent with its settings of this name.
+    """Return the case of an agent with named settings.
 
     Parameters
     ----------
     agent
         Name of an agent, or `module:name` of a custom one.
     label
-        Name of its settings: "default" or "as-published". An agent that has only its default
-        settings takes them whatever the name.
+        Name of its settings: "default" or "as-published". An agent without settings as published
+        uses its default ones.
     language
         "Python", or "MATLAB" for the twin.
     plant
-        A plant: one of `PLANTS`, or its settings.
+        Name of a plant in `PLANTS`, or its settings.
     **task
-        Parts of the task by name, as `TaskSpec` has them; `parameters` may be a dictionary of those
-        that differ from the published ones.
+        Fields of `TaskSpec` by name; `parameters` may be a dictionary of those that differ from the
+        published ones.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def make_case(
         plant = PLANTS.default(plant)
     settings = AGENTS.settings(agent)
     if is_custom(agent):
-        settings["default"].agent(np.random.default_rng(0))  # refuses what is not an agent
-        fingerprint(agent, plant.name)  # now: the file may change once it is imported
+        settings["default"].agent(np.random.default_rng(0))  # raises if it is not an agent
+        fingerprint(agent, plant.name)  # now, because the file may change once it is imported
     label = label if label in settings else "default"
     return Case(agent, label, settings[label], TaskSpec.from_data(task), language, plant)

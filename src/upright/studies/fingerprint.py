@@ -1,8 +1,9 @@
-"""What makes a run what it is: a digest of all the code that determines it.
+"""Computes a digest of all the code that determines a run.
 
-The files are computed, not listed: all of `core/`, what makes a run here, and the modules of the
-agent and of the plant with everything that they import, data files that they name included. An edit
-of any of them gives runs another key, so a store never mixes results of two versions of a rule.
+The files are found, not listed: all of `core/`, the modules here that make a run, and the modules
+of the agent and the plant with everything that they import, including data files that they name. An
+edit of any of them changes the key of runs, so a store never mixes results of two versions of a
+rule.
 """
 
 import ast
@@ -16,18 +17,18 @@ from upright.plants import PLANTS
 from upright.support.files import PACKAGE, digest
 
 RUNNING = ("studies/run.py", "studies/random_streams.py")
-"""What makes a run, besides core/."""
+"""Modules that make a run, besides core/."""
 GYMNASIUM = "environments/trial_protocol.py"
-"""What moves a learner that only knows Gymnasium."""
+"""Module that runs a learner that only knows Gymnasium."""
 WITHOUT_EFFECT = ("errors.py", "support", "pictures")
-"""Parts of the package that what is imported may use, but that no result depends on."""
+"""Parts of the package that imported modules may use, but that no result depends on."""
 INSTALLED = ("site-packages", "dist-packages")
-"""Names of folders of installed packages, where a neighbour is not a part of an agent."""
+"""Names of folders of installed packages, where neighbouring modules are not part of an agent."""
 
 
 @cache
 def fingerprint(agent: str, plant: str) -> str:
-    """Return a digest of the code that determines what a run of this agent on this plant does.
+    """Return a digest of the code that determines a run of this agent on this plant.
 
     Parameters
     ----------
@@ -48,15 +49,15 @@ def _file_of(module: str) -> Path:
 
 
 def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
-    """Return all files of the package that runs depend on which use these modules."""
-    heart = [*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)]
-    found = import_closure(modules, [package.parent], package) - set(heart)
-    without = [package / name for name in WITHOUT_EFFECT]
-    return {*heart, *(p for p in found if not any(p.is_relative_to(part) for part in without))}
+    """Return all files of the package that determine runs which use these modules."""
+    always = {*(package / "core").rglob("*.py"), *(package / name for name in RUNNING)}
+    ignored = [package / name for name in WITHOUT_EFFECT]
+    imported = import_closure(modules, [package.parent], package)
+    return always | {p for p in imported if not any(p.is_relative_to(part) for part in ignored)}
 
 
 def _custom_fingerprint(agent: CustomAgent) -> str:
-    """Return a digest of the file of a custom agent, and of its own modules that it imports."""
+    """Return a digest of the file of a custom agent, and of its other modules that it imports."""
     file, name = agent.source(), agent.agent_name.partition(":")[0]
     depth = name.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
@@ -67,24 +68,33 @@ def _custom_fingerprint(agent: CustomAgent) -> str:
 def import_closure(modules: Iterable[Path], roots: Iterable[Path], within: Path) -> set[Path]:
     """Return the files of modules, of all they import, and of data they name.
 
-    Imports count wherever they stand: at the top, in functions, for type checkers alone. They are
-    looked for below the roots, and followed within one folder: beside an installed package lie
-    others, which it imports as well.
+    All imports count: at the top, in functions, and for type checkers only. Modules are looked up
+    below the roots, and included if they are within one folder, because an installed package also
+    imports other packages beside it.
+
+    Parameters
+    ----------
+    modules
+        The files to start from.
+    roots
+        Folders that absolute imports are relative to.
+    within
+        Folder that all files are in, except those to start from.
     """
     roots = list(roots)
-    found: set[Path] = set()
+    closure: set[Path] = set()
     waiting = list(modules)
     while waiting:
         path = waiting.pop()
-        if path not in found:
-            found.add(path)
+        if path not in closure:
+            closure.add(path)
             if path.suffix == ".py":
                 waiting += (used for used in _used_by(path, roots) if used.is_relative_to(within))
-    return found
+    return closure
 
 
 def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:
-    """Give the files that one module imports or names."""
+    """Yield the files that one module imports or names."""
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield from _data(path.parent, node.value)
@@ -97,7 +107,7 @@ def _used_by(path: Path, roots: list[Path]) -> Iterator[Path]:
 
 
 def _imported(node: ast.AST, path: Path) -> Iterator[tuple[Path | None, str]]:
-    """Give the dotted names that a statement may import; a relative one with its folder."""
+    """Yield the dotted names that a statement may import, relative ones with their folder."""
     if isinstance(node, ast.Import):
         yield from ((None, alias.name) for alias in node.names)
     elif isinstance(node, ast.ImportFrom):
@@ -109,7 +119,7 @@ def _imported(node: ast.AST, path: Path) -> Iterator[tuple[Path | None, str]]:
 
 
 def _data(folder: Path, name: str) -> list[Path]:
-    """Return the data files beside a module that a text in it names: a file, or a whole folder."""
+    """Return the data files beside a module that a string in it names: a file or a folder."""
     if not name.replace(".", "").replace("_", "").replace("-", "").isalnum():
         return []
     place = folder / name

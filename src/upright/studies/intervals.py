@@ -19,8 +19,8 @@ def wilson_interval(successes: int, runs: int) -> tuple[float, float]:
 def bootstrap_interval(values: np.ndarray) -> tuple[float, float]:
     """Return the 95 % interval of a mean (B. Efron, J. Amer. Stat. Ass. 82, 1987: BCa).
 
-    The same values give the same interval. Of values all alike it is that value; of a single one
-    nothing can be said, and the interval is again that value.
+    The same values always give the same interval. If all values are equal (or there is only one),
+    the interval collapses to that value.
     """
     from scipy.stats import bootstrap
 

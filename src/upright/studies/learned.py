@@ -1,4 +1,4 @@
-"""Policies from runs: what an agent learned, checked and saved."""
+"""Policies that agents learned in runs, and saving them."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -18,19 +18,19 @@ from upright.support.files import check_output
 
 
 def check_policy(case: Case) -> None:
-    """Make sure that what the case's agent learns can be saved.
+    """Check that what the case's agent learns can be saved as a policy.
 
     Raises
     ------
     UprightError
-        If its memory is no NamedTuple of plain arrays, or it cannot tell the probability of a push.
+        If the agent is not a NamedTuple of numeric arrays with the method `push_probability`.
     """
     agent = case.settings.agent(np.random.default_rng(0))
     plain = hasattr(agent, "_asdict") and not any(a.dtype.hasobject for _, a in arrays_of(agent))
     if not (plain and callable(getattr(agent, "push_probability", None))):
         raise UprightError(
-            f"agent is {case.agent!r}; its policy cannot be saved: that takes a NamedTuple of "
-            "arrays of numbers with the method push_probability(observation)"
+            f"agent is {case.agent!r}; its policy cannot be saved: it must be a NamedTuple of "
+            "numeric arrays with the method push_probability(observation)"
         )
 
 
@@ -44,16 +44,16 @@ def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
 def learn(
     agent: str, settings: str = "default", *, seed: int = 0, run: int = 0, **task: Any
 ) -> tuple[Policy, Result]:
-    """Let a new agent learn until a trial succeeds, and return what it learned.
+    """Train a new agent until a trial succeeds, and return what it learned.
 
     Parameters
     ----------
     agent
-        One of `AGENTS`, or ``module:name`` of an agent of your own.
+        Name of an agent in `AGENTS`, or ``module:name`` of a custom one.
     settings
         Name of its settings: "default" or "as-published".
     seed, run
-        These two numbers determine the result, whatever the machine. The run is that of the same
+        These two numbers determine the result on every machine. The run is the one with the same
         number in a `study` with this seed.
     **task
         Parts of the task by name, as `make_case` takes them: `noise`, `start`, `steps`, `trials`,
@@ -67,7 +67,7 @@ def learn(
     Raises
     ------
     UprightError
-        If a name is unknown, a number is not allowed, or what the agent learns is no policy.
+        If a name is unknown, a number is not allowed, or the agent cannot be saved as a policy.
     KeyboardInterrupt
         If interrupted; the run ends before its next trial.
 
@@ -77,7 +77,7 @@ def learn(
     >>> result.success, result.lengths
     (True, array([2000]))
 
-    A run that fails returns what was learned all the same:
+    A run that fails also returns what was learned:
 
     >>> policy, result = upright.learn("q-learning", steps=2000, trials=2)
     >>> result.success
@@ -88,7 +88,7 @@ def learn(
     case = make_case(agent, settings, **task)
     check_policy(case)
     stop = np.zeros(1, np.bool_)
-    with ThreadPoolExecutor(1) as thread:  # this one stays free for Ctrl-C
+    with ThreadPoolExecutor(1) as thread:  # the main thread stays free for Ctrl-C
         try:
             memory, result = thread.submit(make_run, case, seed, run, stop=stop).result()
         finally:
@@ -98,7 +98,7 @@ def learn(
 
 
 def check_learned(path: str, case: Case) -> None:
-    """Make sure that what the case's agent learns can be saved there later.
+    """Check that what the case's agent learns can later be saved to this path.
 
     Raises
     ------
@@ -110,11 +110,11 @@ def check_learned(path: str, case: Case) -> None:
 
 
 def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> None:
-    """Save what an agent learned in a run: as JSON if the path ends so, else as NumPy's archive.
+    """Save what an agent learned in a run: as JSON if the path ends in .json, otherwise as .npz.
 
     Raises
     ------
     UprightError
-        If it cannot be written.
+        If the file cannot be written.
     """
     save_policy(path, learned_policy(case, seed, run, memory))

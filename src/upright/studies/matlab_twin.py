@@ -1,7 +1,7 @@
-"""The MATLAB twin, run by GNU Octave or MATLAB: where it is, and how it makes runs.
+"""The MATLAB twin: finds GNU Octave or MATLAB, and lets it make runs.
 
-It lives in the folder `matlab/` and makes the same runs as the package where both draw the same
-random numbers (`study.twister_numbers`). Here it is a program that is started, and that prints a
+The twin is in the folder `matlab/`. It makes the same runs as the package if both draw the same
+random numbers (`random_streams.twister_numbers`). It is run in processes of its own, which print a
 line for every run as it ends.
 """
 
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from upright.core.trials import Result  # the loop takes a second to import
 
 AGENTS = ("q-learning", "reinforce", "random-search")
-"""The agents that the twin has, too."""
+"""Agents that the twin has."""
 PROGRAMS = ("matlab", "octave-cli", "octave")
-"""What can run it; the first that is found does."""
+"""Programs that can run the twin; the first that is found is used."""
 CHOICE = "UPRIGHT_MATLAB"
 """Environment variable that names another program."""
 MOST_SEEDS = 4293
-"""The largest seed: a run's stream has the number 10⁶ seed + run, which fits into 32 bits."""
+"""The largest seed: a run's stream has the number 10⁶ seed + run, which must fit into 32 bits."""
 MARK = "upright "
-"""What a line about a run begins with."""
+"""First characters of a line about a run."""
 
 
 class TwinJob(NamedTuple):
-    """Runs of one case that are to be made, by the names that the twin knows."""
+    """Runs of one case for the twin to make, by the names that it knows."""
 
     agent: str
     label: str
@@ -52,7 +52,7 @@ class TwinJob(NamedTuple):
     """Numbers of the runs, from 0; the twin counts them from 1."""
 
     def statement(self) -> str:
-        """Return the statement that makes them."""
+        """Return the MATLAB statement that makes the runs."""
         runs = " ".join(str(run + 1) for run in self.runs)
         texts = ", ".join(f"'{text}'" for text in self[:4])
         numbers = ", ".join(str(number) for number in self[4:7])
@@ -83,9 +83,8 @@ def find_program() -> str:
     """
     chosen = os.environ.get(CHOICE)
     for name in (chosen,) if chosen else PROGRAMS:
-        found = shutil.which(name)
-        if found:
-            return found
+        if program := shutil.which(name):
+            return program
     if chosen:
         raise UprightError(f"{CHOICE} is {chosen!r}; there is no such program")
     raise UprightError(
@@ -96,7 +95,7 @@ def find_program() -> str:
 
 
 def command(program: str, statements: str) -> list[str]:
-    """Return the command by which MATLAB or Octave carries out statements, the twin on its path."""
+    """Return the command that executes MATLAB statements with the twin on the path."""
     path = str(folder()).replace("'", "''")
     statements = f"addpath('{path}'); {statements}"
     if Path(program).stem.lower() == "matlab":
@@ -105,14 +104,14 @@ def command(program: str, statements: str) -> list[str]:
 
 
 def check_seed(seed: int) -> None:
-    """Raise UprightError unless the twin has a stream of random numbers for this seed."""
+    """Raise UprightError unless the twin has streams of random numbers for this seed."""
     require("seed of MATLAB's random numbers", seed, 0, MOST_SEEDS, whole=True)
 
 
 def make_runs(jobs: Iterable[TwinJob]) -> "Generator[tuple[TwinJob, Result], None, None]":
-    """Make runs, a process for every core, and yield each as it ends.
+    """Make runs in one process per core, and yield each result as its run ends.
 
-    Whoever stops asking ends the processes.
+    Closing the generator terminates the processes.
 
     Raises
     ------
@@ -138,16 +137,16 @@ def make_runs(jobs: Iterable[TwinJob]) -> "Generator[tuple[TwinJob, Result], Non
     try:
         for job in jobs:
             workers.submit(work, job)
-        left = len(jobs)
-        while left:
+        remaining = len(jobs)
+        while remaining:
             with let_interrupts_through():
-                news = ended.get()
-            if isinstance(news, Exception):
-                raise news
-            if news is None:
-                left -= 1
+                message = ended.get()
+            if isinstance(message, Exception):
+                raise message
+            if message is None:
+                remaining -= 1
             else:
-                yield news
+                yield message
     finally:
         workers.shutdown(wait=False, cancel_futures=True)
         for process in processes:
@@ -164,31 +163,32 @@ def _start(program: str, job: TwinJob, processes: list["subprocess.Popen[str]"])
         text=True,
         errors="replace",
         env=os.environ | {"OMP_NUM_THREADS": "1"},  # the processes share the cores
-        start_new_session=True,  # Ctrl-C is for us, who end it
+        start_new_session=True,  # Ctrl-C reaches only this program, which kills the process
     )
     processes.append(process)
-    said: deque[str] = deque(maxlen=20)
+    output: deque[str] = deque(maxlen=20)
     with process:
         assert process.stdout is not None
         for line in process.stdout:
             if not line.startswith(MARK):
-                said.append(line.rstrip())
+                output.append(line.rstrip())
             yield line
     if process.returncode != 0:
-        told = [line for line in said if line.startswith("error: ")] or [*said] or ["nothing"]
-        raise UprightError(f"{program} ended with status {process.returncode}; it said: {told[0]}")
+        errors = [line for line in output if line.startswith("error: ")]
+        reason = (errors or [*output] or ["no output"])[0]
+        raise UprightError(f"{program} exited with status {process.returncode}: {reason}")
 
 
 def _runs_of(lines: Iterator[str], job: TwinJob) -> "Iterator[Result]":
-    """Yield the runs that lines tell of."""
+    """Yield the results that the twin's lines report."""
     from upright.core.trials import Result
 
     missing = set(job.runs)
     for line in lines:
         if line.startswith(MARK):
-            told = json.loads(line.removeprefix(MARK))
-            run = told["run"] - 1
+            values = json.loads(line.removeprefix(MARK))
+            run, lengths = values["run"] - 1, np.array(values["lengths"], np.int64)
             missing.remove(run)
-            yield Result(run, told["success"], np.array(told["lengths"], np.int64), told["seconds"])
+            yield Result(run, values["success"], lengths, values["seconds"])
     if missing:
-        raise UprightError(f"the MATLAB twin ended without {len(missing)} of its runs")
+        raise UprightError(f"the MATLAB twin exited without making {len(missing)} of its runs")

@@ -1,7 +1,7 @@
-"""Playing what was learned: a policy balances, and does not learn.
+"""Plays learned policies, which balance without learning.
 
-Each trial has random numbers of its own, which no learner ever drew, and where the plant varies, a
-plant of its own.
+Each trial has its own random numbers, which no learner has drawn. Under a condition that varies the
+plant, each trial also has its own plant.
 """
 
 import time
@@ -32,18 +32,18 @@ from upright.studies.random_streams import Stream, sequence
 from upright.studies.run import choose_loop, make_plant, outcome
 
 PAUSE = 25
-"""How many times the last picture of a trial is shown again: half a second."""
+"""Number of times that the last picture of a trial is repeated: half a second."""
 
 
 class Player(NamedTuple):
-    """A policy in the form that the compiled loop takes. It does what a `Policy` does."""
+    """A policy in the form that the compiled loop takes. It behaves like a `Policy`."""
 
     memory: Any
-    """What the agent had learned."""
+    """The trained agent."""
 
     @compiled
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Do nothing: there is no history."""
+        """Do nothing; there is no history."""
 
     @compiled
     def act(self, observation: State, rng: np.random.Generator) -> bool:
@@ -60,42 +60,42 @@ class Player(NamedTuple):
 
 
 class RememberingPlayer(Player):
-    """The same, where what was measured before plays a part."""
+    """A policy that depends on earlier measurements, in the form that the compiled loop takes."""
 
     __slots__ = ()
 
     @compiled
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Forget the trial before."""
+        """Forget the previous trial."""
         self.memory.begin_trial(rng)
 
     @compiled
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        """Remember what was measured and done."""
+        """Remember the measurement and the push."""
         self.memory.remember(before, action)
 
 
 class TrialOutcome(NamedTuple):
-    """How a trial went."""
+    """The outcome of a trial."""
 
     steps: int
-    """How many steps it lasted."""
+    """Number of steps that the trial lasted."""
     balanced: bool
     """Whether it ended without a fall."""
 
 
 def case_for(policy: Policy, **changes: Any) -> Case:
-    """Return the case that a policy plays: what it learned on, but for the changes.
+    """Return the case for playing a policy: the task it was trained on, with changes.
 
-    How long trials last does not come from there: the usual 60,000 steps unless given.
+    The length of a trial is not that of training, but the usual 60,000 steps by default.
 
     Parameters
     ----------
     policy
         The policy.
     **changes
-        Parts of the task by name, as `TaskSpec` has them; and `plant`, the settings of a plant,
-        which is the equations unless given.
+        Fields of `TaskSpec` by name; and `plant`, the settings of a plant, by default those of the
+        equations.
 
     Raises
     ------
@@ -118,27 +118,27 @@ def play(
     video: Path | str | None = None,
     **changes: Any,
 ) -> list[TrialOutcome]:
-    """Let a policy play, without learning, and return how each trial went.
+    """Play a policy, which does not learn, and return the outcome of each trial.
 
     Parameters
     ----------
     policy
-        What `learn` or `load_policy` returned.
+        The return value of `learn` or `load_policy`.
     episodes
-        How many trials.
+        Number of trials.
     seed
-        Of their random numbers, which no learner ever drew.
+        Seed of their random numbers, which no learner has drawn.
     video
-        A file for a video of all trials, ending in .mp4 or .gif; none is made unless given. It
+        Path of a video of all trials, ending in .mp4 or .gif; by default none is made. A video
         needs pygame-ce and imageio-ffmpeg, but no display.
     **changes
-        Parts of the task by name, as `make_case` takes them, where it is to differ from the task
-        that was learned.
+        Parts of the task by name, as `make_case` takes them, that are to differ from the task the
+        policy was trained on.
 
     Returns
     -------
     list
-        For each trial `steps`, how many it lasted, and `balanced`, whether it ended without a fall.
+        For each trial `steps`, its length, and `balanced`, whether it ended without a fall.
 
     Raises
     ------
@@ -164,21 +164,21 @@ def play(
 
 
 def play_trials(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
-    """Play trial after trial and yield how each went.
+    """Play trial after trial and yield the outcome of each.
 
-    The policies of the package's agents play compiled, if the plant is; those of agents from
-    outside in Python.
+    Policies of the package's agents are played by the compiled loop if the plant is compiled; those
+    of custom agents in Python.
     """
     agent = policy if is_custom(policy.agent) else player(policy)
     stop = np.zeros(1, np.bool_)
-    thread = ThreadPoolExecutor(1)  # this one stays free for Ctrl-C, which compiled code ignores
+    thread = ThreadPoolExecutor(1)  # the main thread stays free for Ctrl-C
     try:
         for episode in range(episodes):
             lengths = np.zeros(1, np.int64)
             yield thread.submit(_play_once, agent, case, seed, episode, lengths, stop).result()
     finally:
         stop[0] = True
-        thread.shutdown(wait=case.plant.alone)  # such a body stops within a step
+        thread.shutdown(wait=case.plant.alone)  # such a plant stops within a step
 
 
 def _play_once(
@@ -194,7 +194,7 @@ def _play_once(
 def play_run(
     policy: Policy, case: Case, seed: int, plant: Plant, lengths: np.ndarray, stop: np.ndarray
 ) -> Result | None:
-    """Play on a body that is there already, until a trial balances; None if that was stopped."""
+    """Play on an existing plant until a trial succeeds; return None if that was stopped."""
     agent = policy if is_custom(policy.agent) else player(policy)
     rng = np.random.default_rng(sequence(seed, 0, Stream.PLAYING))
     with closing(plant):
@@ -214,13 +214,13 @@ def player(policy: Policy) -> Player:
 def prepare(
     case: Case, seed: int, episode: int, stop: np.ndarray
 ) -> tuple[Plant, Task, np.random.Generator]:
-    """Return the body that is balanced in a trial, the trial's task, and its random numbers."""
+    """Return the plant of a trial, its task, and its random numbers."""
     plant, task = make_plant(case, seed, episode, stop)
     return plant, task, np.random.default_rng(sequence(seed, episode, Stream.PLAYING))
 
 
 class _Recorder:
-    """Stands between an agent and a plant, in the place of both, and keeps what passes."""
+    """Stands between an agent and a plant, acts as both, and records what they exchange."""
 
     def __init__(self, agent: Agent, plant: Plant) -> None:
         self.agent, self.plant = agent, plant
@@ -260,14 +260,14 @@ class _Recorder:
 def record(
     agent: Agent, plant: Plant, task: Task, rng: np.random.Generator
 ) -> tuple[list[Scene], TrialOutcome]:
-    """Let an agent balance once in Python, and return what there was to see and how it went.
+    """Let an agent balance once in Python, and return the scenes and the outcome.
 
-    There is a scene of the start and one after each step, with the force that led to it.
+    There is one scene of the start and one after each step, with the force that led to it.
     """
     recorder = _Recorder(agent, plant)
     steps, fallen = trial(recorder, recorder, task, rng)
-    seen = zip(recorder.states, recorder.measured, recorder.forces, strict=True)
-    return [Scene(*each) for each in seen], TrialOutcome(steps, not fallen)
+    moments = zip(recorder.states, recorder.measured, recorder.forces, strict=True)
+    return [Scene(*moment) for moment in moments], TrialOutcome(steps, not fallen)
 
 
 def pictures(
@@ -278,7 +278,7 @@ def pictures(
     Parameters
     ----------
     on_trial
-        Told how each trial went, when its last picture was seen.
+        Called with the outcome of each trial after its last picture.
 
     Raises
     ------
@@ -288,12 +288,12 @@ def pictures(
     for episode in range(episodes):
         plant, task, rng = prepare(case, seed, episode, np.zeros(1, np.bool_))
         with closing(plant):
-            scenes, played = record(policy, plant, task, rng)
+            scenes, outcome = record(policy, plant, task, rng)
         for step, scene in enumerate(scenes):
             seconds = step * task.parameters.time_step
-            ending = "   fallen" if step == played.steps and not played.balanced else ""
+            ending = "   fallen" if step == outcome.steps and not outcome.balanced else ""
             caption = f"trial {episode + 1}   step {step:,}   {seconds:,.1f} s{ending}"
             pixels = picture(task.parameters, scene._replace(caption=caption))
             yield pixels
-        on_trial(played)
+        on_trial(outcome)
         yield from repeat(pixels, PAUSE)

@@ -1,4 +1,4 @@
-"""Showing how far a study is."""
+"""Progress bars for studies and searches."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,7 +14,7 @@ from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult
 
 
 def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Store) -> None:
-    """Make a study, as `study.study`, with a bar that shows its rate and the time left."""
+    """Run a study with `study.study`, showing a progress bar with its rate and the time left."""
     cases = list(cases)
     done = sum(run < runs for case in cases for run in store.finished(case.key, seed))
     columns = (
@@ -33,14 +33,14 @@ def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Stor
             nonlocal steps
             steps += int(result.lengths.sum())
             rate = steps / (bar.tasks[0].elapsed or 1e-9) / 1e6
-            described = f"{case.name}, {case.spec.noise}"
-            bar.update(task, advance=1, description=described, rate=f"{rate:.1f} M steps/s")
+            description = f"{case.name}, {case.spec.noise}"
+            bar.update(task, advance=1, description=description, rate=f"{rate:.1f} M steps/s")
 
         study(cases, runs, seed, store, show)
 
 
-def search_with_progress(wanted: Search, candidates: int, path: Path | str) -> SearchResult:
-    """Search, as `tune.search`, with a bar that shows the best so far and the time left."""
+def search_with_progress(plan: Search, candidates: int, path: Path | str) -> SearchResult:
+    """Run `tuning.search`, showing a progress bar with the best so far and the time left."""
     columns = (
         TextColumn("candidate"),
         BarColumn(),
@@ -49,17 +49,17 @@ def search_with_progress(wanted: Search, candidates: int, path: Path | str) -> S
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    shown = console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=not shown) as bar:
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task("", total=candidates * BATCHES, place="", best="")
 
-        def show(standing: SearchProgress) -> None:
-            best = "" if standing.best is None else f"best {standing.best:.1f} trials"
+        def show(progress: SearchProgress) -> None:
+            best = "" if progress.best is None else f"best {progress.best:.1f} trials"
             bar.update(
                 task,
-                completed=standing.finished * BATCHES + standing.batch,
-                place=f"{min(standing.finished + 1, candidates)}/{candidates}",
+                completed=progress.finished * BATCHES + progress.batch,
+                place=f"{min(progress.finished + 1, candidates)}/{candidates}",
                 best=best,
             )
 
-        return search(wanted, candidates, path, show)
+        return search(plan, candidates, path, show)

@@ -1,6 +1,6 @@
-"""The streams of random numbers: every one that a run draws from, in one place.
+"""All streams of random numbers that runs draw from.
 
-Streams of different purposes are independent: what one draws never changes another.
+Streams with different purposes are independent: drawing from one never changes another.
 """
 
 from enum import IntEnum
@@ -12,23 +12,23 @@ from upright.studies import matlab_twin
 
 
 class Stream(IntEnum):
-    """What a stream of random numbers is for, besides the run itself."""
+    """Purposes of streams of random numbers, besides the run itself."""
 
     PARAMETERS = 1
-    """Draws the parameters of a plant that varies from run to run."""
+    """Parameters of a plant that varies from run to run."""
     PLAYING = 2
-    """Serves a trial in which a learned policy plays."""
+    """Trials in which a learned policy is played."""
     PLANT = 3
-    """Seeds a plant that draws random numbers itself."""
+    """Seed of a plant that draws random numbers itself."""
 
 
 def sequence(seed: int, run: int, stream: Stream) -> np.random.SeedSequence:
-    """Return what begins a stream of a run, or of a trial that is played."""
+    """Return the seed sequence of a stream of a run, or of a trial that is played."""
     return np.random.SeedSequence(seed, spawn_key=(run, int(stream)))
 
 
 def random_numbers(seed: int, run: int) -> np.random.Generator:
-    """Return the random numbers that a run draws: its agent, its starts, its noise."""
+    """Return the random numbers of a run, for its agent, its starts and its noise."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(run,)))
 
 
@@ -41,14 +41,14 @@ def twister(number: int) -> np.random.Generator:
 
 
 def twister_numbers(seed: int, run: int) -> np.random.Generator:
-    """Return the stream that the MATLAB twin draws in its run of number `run + 1`.
+    """Return the random numbers that the MATLAB twin draws in its run number `run + 1`.
 
-    It is what MATLAB's rand gives after rng(10⁶ seed + run + 1).
+    They are those of MATLAB's rand after rng(10⁶ seed + run + 1).
 
     Raises
     ------
     UprightError
-        If MATLAB has no such stream.
+        If the seed is too large for MATLAB.
     """
     matlab_twin.check_seed(seed)
     return twister(10**6 * seed + run + 1)

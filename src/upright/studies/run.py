@@ -1,4 +1,4 @@
-"""One run: its task, its plant, its loop, and what came of it."""
+"""One run: its task, its plant, its loop and its result."""
 
 import time
 from collections.abc import Callable
@@ -23,9 +23,9 @@ from upright.studies.random_streams import Stream, random_numbers, sequence
 
 
 def make_run_task(case: Case, seed: int, run: int) -> Task:
-    """Return the task of one run, with the plant that is the run's own where they vary.
+    """Return the task of one run, with the run's own plant under a condition that varies it.
 
-    All agents meet the same plant in the run of this number.
+    All agents meet the same plant in the run with this number.
     """
     task = case.spec.task()
     if CONDITIONS[case.spec.condition].varies_plant:
@@ -35,14 +35,14 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
 
 
 def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:
-    """Return the plant of a run, and the task that is left to the loop."""
-    own = int(sequence(seed, run, Stream.PLANT).generate_state(1)[0]) // 2  # ROS 2 takes it, too
-    context = RunContext(make_run_task(case, seed, run), case.spec, own, stop)
+    """Return the plant of a run, and the part of the task that is left to the loop."""
+    plant_seed = int(sequence(seed, run, Stream.PLANT).generate_state(1)[0]) // 2  # below 2³¹
+    context = RunContext(make_run_task(case, seed, run), case.spec, plant_seed, stop)
     return case.plant.make(context)
 
 
 def choose_loop(case: Case, agent: Any, plant: Plant) -> Callable[..., int]:
-    """Return the loop for an agent and a plant; for a learner that knows Gymnasium, its driver."""
+    """Return the loop for an agent and a plant; for a Gymnasium learner, `run_learner`."""
     if is_learner(agent):
         require_one_of("plant of learners that only know Gymnasium", case.plant.name, ["equations"])
         require_module("gymnasium", f"{case.agent} needs Gymnasium", "gymnasium")
@@ -62,7 +62,7 @@ def make_run(
     numbers: Callable[[int, int], np.random.Generator] | None = None,
     plant: Plant | None = None,
 ) -> tuple[Any, Result | None]:
-    """Let a new agent learn until a trial succeeds.
+    """Train a new agent until a trial succeeds.
 
     Parameters
     ----------
@@ -71,27 +71,27 @@ def make_run(
     seed, run
         Seed of the study, and number of the run within it: they determine the result.
     lengths
-        Where the length of each trial is written as it ends, shape (case.spec.trials,), int64; for
-        a thread that watches.
+        Array that the length of each trial is written to as it ends, shape (case.spec.trials,),
+        int64, so that another thread can watch.
     stop
         Set its one element, a bool, to end the run before its next trial.
     numbers
-        Where a run's random numbers come from: `twister_numbers`, or unless given
-        `random_numbers`.
+        Returns the random numbers of a run with this seed and number: `random_numbers` by default,
+        or `twister_numbers`.
     plant
-        What is balanced in place of the case's plant: anything with the methods `reset`, `step`,
+        The plant to balance in place of the case's: an object with the methods `reset`, `step`,
         `has_fallen` and `close`. The noise of the case is added to it.
 
     Returns
     -------
     tuple
-        The agent as it is then, and the result; None in its place if the run was stopped.
+        The trained agent, and the result, which is None if the run was stopped.
 
     Raises
     ------
     UprightError
-        If an agent from outside lacks a method or cannot be compiled, a learner from outside ends
-        before its run, or the body fails.
+        If a custom agent lacks a method or cannot be compiled, a Gymnasium learner returns before
+        its run is over, or the plant fails.
 
     Examples
     --------
@@ -119,20 +119,20 @@ def make_run(
 def outcome(
     case: Case, run: int, success: bool, lengths: np.ndarray, seconds: float
 ) -> Result | None:
-    """Return the result of a run whose trials had these lengths; None if it was stopped."""
-    made = lengths[lengths > 0]
-    stopped = not success and len(made) < case.spec.trials
-    return None if stopped else Result(run, success, made, seconds)
+    """Return the result of a run from the array of lengths; None if the run was stopped."""
+    ended = lengths[lengths > 0]
+    stopped = not success and len(ended) < case.spec.trials
+    return None if stopped else Result(run, success, ended, seconds)
 
 
 def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, task: Task) -> None:
-    """Have all machine code that a run needs, before its clock starts."""
+    """Compile everything that a run needs, before its time is measured."""
     rng, stop = np.random.default_rng(0), np.zeros(1, np.bool_)
     try:
         loop(agent, plant, task._replace(trials=0), rng, np.zeros(0, np.int64), stop)
     except Exception as error:
         if not is_custom(case.agent):
             raise
-        # No trial of the run was made, so whatever went wrong is the compilation.
-        why = f"it cannot be compiled: {explain(error)}"
-        raise UprightError(f"agent is {case.agent!r}; {why}") from error
+        # The loop was asked for 0 trials, so it must be the compilation that failed.
+        reason = f"it cannot be compiled: {explain(error)}"
+        raise UprightError(f"agent is {case.agent!r}; {reason}") from error

@@ -1,4 +1,4 @@
-"""Which values of an agent's settings a search tries: read from the settings class itself."""
+"""Derives from an agent's settings class which values of its settings a search tries."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -12,31 +12,31 @@ if TYPE_CHECKING:
     import optuna
 
 SPREAD, WHOLE_SPREAD = 10.0, 4.0
-"""How many times smaller or larger than at the start a setting may become; whole numbers less, for
-they count what takes time.
+"""Factors by which a setting may become smaller or larger than at the start: floats and integers.
+Integers vary less, because they multiply computing time.
 """
 
 
 class Range(NamedTuple):
-    """Where a setting is looked for."""
+    """The values of a setting that a search tries."""
 
     setting: str
     """Name of the setting."""
     choices: tuple[Any, ...] = ()
-    """Its possible values, if they can be counted; else it is a number."""
+    """Possible values of a setting of kind "choice"."""
     low: float = 0.0
     high: float = 0.0
-    """Ends of the range, of the setting or of its gap."""
+    """Ends of the range of a number, or of its gap."""
     kind: Literal["float", "int", "gap", "choice"] = "float"
     """A gap is a number's distance from 1: 0.9 and 0.99 differ as 0.1 and 0.01 do."""
 
     @property
     def label(self) -> str:
-        """The name of what Optuna varies."""
+        """The name of the number that Optuna varies."""
         return f"1 - {self.setting}" if self.kind == "gap" else self.setting
 
     def distribution(self) -> "optuna.distributions.BaseDistribution":
-        """Return the range as Optuna knows it: logarithmic, unless it begins at zero."""
+        """Return the range as a distribution of Optuna: logarithmic, unless it begins at zero."""
         from optuna.distributions import (
             CategoricalDistribution,
             FloatDistribution,
@@ -50,14 +50,14 @@ class Range(NamedTuple):
         return FloatDistribution(self.low, self.high, log=self.low > 0)
 
     def value(self, drawn: Any) -> Any:
-        """Return the setting's value, with no more digits than a person would copy."""
+        """Return the setting's value for what Optuna drew, rounded to three significant digits."""
         if self.kind in ("choice", "int"):
             return drawn
         rounded = min(max(float(f"{drawn:.3g}"), self.low), self.high)
         return round(1.0 - rounded, 12) if self.kind == "gap" else rounded
 
     def drawn(self, value: Any) -> Any:
-        """Return what Optuna would have drawn for a value; None if it lies outside."""
+        """Return what Optuna would have drawn for a value; None if that is outside the range."""
         drawn = 1.0 - value if self.kind == "gap" else value
         inside = drawn in self.choices if self.choices else self.low <= drawn <= self.high
         return drawn if inside else None
@@ -66,19 +66,19 @@ class Range(NamedTuple):
 def search_space(
     settings: Settings, names: Sequence[str] = (), fixed: Sequence[str] = ()
 ) -> list[Range]:
-    """Return the ranges of an agent's settings, around the values they have.
+    """Return ranges around the present values of an agent's settings.
 
-    A number is searched on a logarithmic scale, up to ten times smaller and larger, a whole one
-    four times; a fraction above a half by its distance from 1; one that is 0 on a plain scale, if
-    it is a fraction. Either value of a bool is tried, and every one of a ``Literal``. What the
-    settings refuse is left out. Tuples and other texts stay as they are.
+    A float is searched on a logarithmic scale, up to ten times smaller and larger; an integer, up
+    to four times. A fraction above one half is searched by its distance from 1, and a fraction that
+    is 0 on a linear scale. Both values of a bool are tried, and all values of a ``Literal``. Values
+    that the settings refuse are left out. Tuples and other strings are not searched.
 
     Parameters
     ----------
     settings
-        The settings to begin with.
+        The settings that the search starts from.
     names
-        Settings to search, as "name" or "name=low:high"; all that can be if there are none.
+        Settings to search, as "name" or "name=low:high"; by default all that can be searched.
     fixed
         Settings not to search.
 
@@ -91,7 +91,7 @@ def search_space(
     if not names:
         free = [field.name for field in fields(settings) if field.name not in fixed]
         ranges = (_range(settings, name, kinds[name]) for name in free)
-        return [found for found in ranges if found]
+        return [limits for limits in ranges if limits]
     space: dict[str, Range] = {}
     for text in names:
         name, _, limits = text.partition("=")
@@ -102,22 +102,22 @@ def search_space(
             raise UprightError(f"search is {text!r}; the setting must be one of {known}")
         if name in fixed:
             raise UprightError(f"search is {text!r}; the same setting is fixed")
-        found = _range(settings, name, kinds[name])
+        range_ = _range(settings, name, kinds[name])
         if limits:
-            found = _given_range(settings, name, limits)
-        if found is None:
-            why = "it has no range of its own; give one as NAME=LOW:HIGH, or leave it out"
+            range_ = _parsed_range(settings, name, limits)
+        if range_ is None:
+            why = "it has no default range; give one as NAME=LOW:HIGH, or leave it out"
             raise UprightError(f"search is {text!r}; {why}")
-        space[name] = found
+        space[name] = range_
     return list(space.values())
 
 
 def _range(settings: Settings, name: str, kind: Any) -> Range | None:
-    """Return the range of a setting around its value, or None if nothing tells one."""
+    """Return the range of a setting around its present value, or None if it has none."""
     value = getattr(settings, name)
     if isinstance(value, bool) or get_origin(kind) is Literal:
         options = (False, True) if isinstance(value, bool) else get_args(kind)
-        choices = tuple(each for each in options if _allows(settings, name, each))
+        choices = tuple(option for option in options if _allows(settings, name, option))
         return Range(name, choices, kind="choice") if len(choices) > 1 else None
     if isinstance(value, int):
         low = _allowed_end(settings, name, value, max(1, round(value / WHOLE_SPREAD)))
@@ -138,8 +138,8 @@ def _range(settings: Settings, name: str, kind: Any) -> Range | None:
     return Range(name, (), low, high)
 
 
-def _given_range(settings: Settings, name: str, limits: str) -> Range:
-    """Return the range of a number that a person gave as "low:high"."""
+def _parsed_range(settings: Settings, name: str, limits: str) -> Range:
+    """Return the range of a number that is given as "low:high"."""
     value = getattr(settings, name)
     whole = isinstance(value, int)
     try:
@@ -165,7 +165,13 @@ def _allows(settings: Settings, name: str, value: Any) -> bool:
 
 
 def _allowed_end(settings: Settings, name: str, allowed: Any, end: Any) -> Any:
-    """Return `end`, or else the number next to it that a setting may have, `allowed` being one."""
+    """Return `end` if a setting may have it, or else the allowed number closest to it.
+
+    Parameters
+    ----------
+    allowed
+        A number that the setting may have, from which to search towards `end`.
+    """
     whole = isinstance(end, int)
     while not _allows(settings, name, end):
         if abs(end - allowed) <= (1 if whole else 1e-9 * abs(end)):

@@ -1,4 +1,4 @@
-"""Results in SQLite: a row for every finished run, written as it ends."""
+"""Stores results in SQLite: a row for every finished run, written as it ends."""
 
 import json
 import sqlite3
@@ -14,9 +14,9 @@ from upright.core.trials import Result
 from upright.errors import UprightError
 
 APPLICATION_ID = 0x55505254
-"""Marks a database as one of ours ("UPRT")."""
+"""Marks a database as a store of this package ("UPRT")."""
 PATIENCE = 60.0
-"""How long to wait for another process that is writing [s]."""
+"""How long to wait while another process is writing [s]."""
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS cases (
     id INTEGER PRIMARY KEY,
@@ -41,7 +41,8 @@ class Store:
     Parameters
     ----------
     path
-        The database; made if missing, but for its folder. Without one, results stay in memory.
+        Path of the database; created if missing (its folder must exist). Without one, results are
+        kept in memory.
 
     Raises
     ------
@@ -50,7 +51,7 @@ class Store:
 
     Examples
     --------
-    The second study finds ten runs done, and makes ten more:
+    The second study finds ten runs in the store, and makes ten more:
 
     >>> case = upright.make_case("random-search", steps=300)
     >>> with upright.Store("runs.sqlite") as store:
@@ -67,10 +68,10 @@ class Store:
             raise UprightError(f"store is {name!r}; there is no such file")
         if path is not None and not Path(path).parent.is_dir():
             raise UprightError(f"store is {name!r}; its folder does not exist")
-        with self._telling_errors():
+        with self._explaining_errors():
             self._database = sqlite3.connect(name, timeout=PATIENCE, isolation_level=None)
         try:
-            with self._telling_errors():
+            with self._explaining_errors():
                 self._prepare()
         except BaseException:
             self._database.close()
@@ -83,8 +84,8 @@ class Store:
         self.close()
 
     @contextmanager
-    def _telling_errors(self) -> Iterator[None]:
-        """Turn errors of the database into one line."""
+    def _explaining_errors(self) -> Iterator[None]:
+        """Turn errors of the database into one-line errors that name the store."""
         try:
             yield
         except sqlite3.Error as error:
@@ -104,9 +105,9 @@ class Store:
         self._database.executescript(SCHEMA)
 
     def _write_ahead(self) -> None:
-        """Switch to the write-ahead log, in which a killed process loses nothing.
+        """Switch to the write-ahead log, so that a killed process loses nothing.
 
-        While another process is doing the same, SQLite refuses at once instead of waiting.
+        While another process does the same, SQLite fails at once instead of waiting.
         """
         until = time.monotonic() + PATIENCE
         while True:
@@ -120,8 +121,8 @@ class Store:
                 return
 
     def finished(self, key: str, seed: int) -> set[int]:
-        """Return the numbers of the runs of a case that are done."""
-        with self._telling_errors():
+        """Return the numbers of the finished runs of a case."""
+        with self._explaining_errors():
             rows = self._database.execute(
                 "SELECT run FROM runs JOIN cases ON id = case_id WHERE key = ? AND seed = ?",
                 (key, seed),
@@ -129,7 +130,7 @@ class Store:
             return {run for (run,) in rows}
 
     def add(self, key: str, seed: int, result: Result) -> None:
-        """Write a finished run down; one that is there already stays.
+        """Store a finished run; a stored run with the same number is kept instead.
 
         Raises
         ------
@@ -138,7 +139,7 @@ class Store:
         """
         lengths = result.lengths.astype("<i4").tobytes()
         row = (seed, result.run, result.success, lengths, result.seconds, key)
-        with self._telling_errors(), self._database:
+        with self._explaining_errors(), self._database:
             self._database.execute("BEGIN IMMEDIATE")
             self._database.execute("INSERT OR IGNORE INTO cases (key) VALUES (?)", (key,))
             self._database.execute(
@@ -148,8 +149,8 @@ class Store:
             )
 
     def results(self, key: str, seed: int, runs: int | None = None) -> list[Result]:
-        """Return the finished runs of a case in order, up to number `runs` if given."""
-        with self._telling_errors():
+        """Return the finished runs of a case in order, or the first `runs` of them."""
+        with self._explaining_errors():
             rows = self._database.execute(
                 "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
                 "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
@@ -161,8 +162,8 @@ class Store:
         ]
 
     def cases(self) -> list[tuple[dict[str, Any], str, int]]:
-        """Return what is held: each case as a dictionary, its key, and a seed."""
-        with self._telling_errors():
+        """Return the stored cases: each as a dictionary, its key, and a seed."""
+        with self._explaining_errors():
             rows = self._database.execute(
                 "SELECT DISTINCT key, seed FROM runs JOIN cases ON id = case_id "
                 "ORDER BY case_id, seed"

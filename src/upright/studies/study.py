@@ -1,4 +1,4 @@
-"""Studies: many runs of many cases, on all cores, written down as they end."""
+"""Studies: many runs of many cases, on all cores, stored as they end."""
 
 import multiprocessing
 from collections.abc import Callable, Iterable
@@ -25,7 +25,7 @@ from upright.support.processes import process_pool
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
-    # `case.key` came with the case; a new process has imported the agent anew.
+    # `case.key` was computed in the parent process; this one may have imported a changed agent.
     if replace(case).key != case.key:
         raise UprightError(f"agent is {case.agent!r}; its source changed after it was imported")
     return make_run(case, seed, run, stop=stop)[1]
@@ -39,39 +39,38 @@ def study(
     on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
     executor: Executor | None = None,
 ) -> dict[Case, list[Result]]:
-    """Make the runs that the store does not hold yet, and write each down as it ends.
+    """Make the runs that are not in the store yet, and store each as it ends.
 
     Parameters
     ----------
     cases
         What to run.
     runs
-        How many runs of each case, numbered from 0.
+        Number of runs of each case, which are numbered from 0.
     seed
-        Of the study. Run k of a case draws the same random numbers whatever the executor, the
-        order, or the runs made before.
+        Seed of the study. Run k of a case draws the same random numbers whatever the executor, the
+        order, or the runs made earlier.
     store
-        Where finished runs are looked up and written. Without one, they are returned and not
-        kept.
+        Where finished runs are looked up and stored. Without a store, they are only returned.
     on_result
         Called with each result as its run finishes.
     executor
-        Where to run. Unless given, every core has a thread, which is enough for compiled runs; or
-        a process, if some agent is plain Python, which can use one core at a time. Runs of the
-        MATLAB twin have processes of their own.
+        Where to run. By default there is one thread per core, which is enough for compiled runs; or
+        one process per core if an agent is plain Python, which uses one core at a time. Runs of the
+        MATLAB twin have their own processes.
 
     Returns
     -------
     dict
-        The results of each case, runs 0 to `runs` - 1, found in the store or made now.
+        The results of each case, runs 0 to `runs` - 1, whether from the store or made now.
 
     Raises
     ------
     UprightError
-        If `runs` or `seed` is no whole number in its range, or MATLAB or Octave is needed and
+        If `runs` or `seed` is not a whole number in its range, or MATLAB or Octave is needed but
         missing.
     KeyboardInterrupt
-        If interrupted; the runs that had ended are in the store.
+        If interrupted; the runs that have ended are in the store.
 
     Examples
     --------
@@ -95,9 +94,9 @@ def study(
 
     with hold_interrupts():
         _study_here(ours, seed, keep, executor)
-        with closing(matlab_twin.make_runs(wanted for wanted in twins if wanted.runs)) as ended:
-            for wanted, result in ended:
-                keep(twins[wanted], result)
+        with closing(matlab_twin.make_runs(job for job in twins if job.runs)) as ended:
+            for job, result in ended:
+                keep(twins[job], result)
     return {case: store.results(case.key, seed, runs) for case in cases}
 
 
@@ -117,7 +116,7 @@ def _study_here(
         for case, numbers in missing.items():
             for run in numbers:
                 with let_interrupts_through():
-                    pass  # as there may be very many
+                    pass  # submitting very many runs takes time
                 future = workers.submit(_job, case, seed, run, stop)
                 futures[future] = case
                 future.add_done_callback(ended.put)
@@ -128,7 +127,7 @@ def _study_here(
             assert result is not None, "only an interrupt stops a run"
             keep(case, result)
     except BaseException:
-        stop[0] = True  # seen by threads; runs elsewhere end by themselves
+        stop[0] = True  # threads see it; runs in another executor's processes end by themselves
         for future in futures:
             future.cancel()
         if executor is None:
@@ -141,34 +140,34 @@ def _study_here(
 
 
 def _workers(cases: list[Case]) -> Executor:
-    """Return a worker for every core: threads, or processes if an agent is plain Python.
+    """Return an executor with one thread per core, or one process if an agent is plain Python.
 
-    Where there is one body only, there is one worker.
+    If only one such plant exists, there is a single worker.
     """
     if any(case.plant.alone for case in cases):
         return ThreadPoolExecutor(1)
-    outside = {case.settings for case in cases if is_custom(case.agent)}
-    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in outside):
+    custom = {case.settings for case in cases if is_custom(case.agent)}
+    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in custom):
         return ThreadPoolExecutor(cpu_count())
     return process_pool()
 
 
 def check_study(runs: int, seed: int) -> None:
-    """Raise UprightError unless a study can have so many runs and this seed."""
+    """Raise UprightError unless a study can have this many runs and this seed."""
     require("runs", runs, 1, 10**6, whole=True)
     require("seed", seed, 0, 2**63 - 1, whole=True)
 
 
 def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
-    """Return what a store file holds: cases, seeds, and the runs made of them.
+    """Return the contents of a store file: each case with a seed and the results of its runs.
 
     Raises
     ------
     UprightError
         If the file is missing or not a store.
     """
-    found = []
     with Store(path, must_exist=True) as store:
-        for values, key, seed in store.cases():
-            found.append((Case.from_data(values), seed, store.results(key, seed)))
-    return found
+        return [
+            (Case.from_data(values), seed, store.results(key, seed))
+            for values, key, seed in store.cases()
+        ]

@@ -1,16 +1,17 @@
-"""Searching for better settings of an agent, with Optuna.
+"""Searches for better settings of an agent, with Optuna.
 
-What is made small is the mean number of trials over all runs and noise cases asked for, where a run
-that fails counts as all the trials it was allowed. Candidates come from a tree-structured Parzen
-estimator, and one that does worse after a part of its runs than half of those before it is given
-up. The space of settings is read from the settings class itself: see `search_space.py`.
+The objective is the mean number of trials over all runs and the chosen noise cases, where a failed
+run counts as the maximum number of trials. Candidates are proposed by a tree-structured Parzen
+estimator; a candidate is pruned if, after a part of its runs, it does worse than the median of the
+previous ones. The search space is derived from the settings class: see `search_space.py`.
 
-The best of many candidates was partly lucky on the runs it was chosen by. So what is found is
-measured again, beside what the search began with, on runs that no candidate has seen.
+The best of many candidates was partly lucky on the runs it was chosen by. Therefore the settings
+found, and those that the search started from, are measured again on runs that no candidate has
+seen.
 
-The same seed gives the same search, whatever the number of cores, and also when it is interrupted
-and taken up again (same version of Optuna provided, and one process at a time): a candidate depends
-on the seed and on the candidates finished before it, on nothing else.
+The same seed gives the same search, whatever the number of cores, and also if the search is
+interrupted and resumed (with the same version of Optuna, and one process at a time): a candidate
+depends only on the seed and on the candidates finished before it.
 """
 
 import json
@@ -37,22 +38,22 @@ from upright.support.interrupts import hold_interrupts
 from upright.support.settings import values_of
 
 SEEDS = 10**6
-"""Seeds below this are for tables. None of the runs that settings were chosen by has such a seed,
-so whatever table is made with one shows fresh runs.
+"""Seeds below this are for tables. No settings are chosen by runs with such a seed, so every table
+shows fresh runs.
 """
 BATCHES = 5
-"""In so many parts the runs of a candidate are made; after each it may be given up."""
+"""Number of batches that a candidate's runs are split into; it may be pruned after each."""
 START = "start"
-"""Marks the candidate that is the settings a search began with, exactly."""
+"""Marks the candidate that has exactly the settings that the search started from."""
 
 
 def search_seed(seed: int) -> int:
-    """Return the seed of the runs that candidates are judged by."""
+    """Return the seed of the runs that candidates are compared on."""
     return SEEDS + seed
 
 
 def validation_seed(seed: int) -> int:
-    """Return the seed of the runs that only the best candidate is measured by."""
+    """Return the seed of the runs that only the best candidate is measured on."""
     return 2 * SEEDS + seed
 
 
@@ -61,43 +62,45 @@ def validation_seed(seed: int) -> int:
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched, and by which runs: everything that determines a search, save its length."""
+    """The plan of a search: everything that determines it except its length."""
 
     cases: tuple[Case, ...]
-    """The agent with the settings to begin with, on the noise cases to be good at."""
+    """The agent with the settings to start from, on the noise cases to optimise for."""
     space: tuple[Range, ...]
-    """The settings that are varied, and how far."""
+    """The settings that are varied, with their ranges."""
     runs: int
     """Runs of a candidate on each noise case."""
     seed: int
-    """Of the search; the runs have a seed that follows from it, see `search_seed`."""
+    """Seed of the search; that of the runs follows from it, see `search_seed`."""
 
     def __post_init__(self) -> None:
-        """Refuse a search that cannot be made."""
+        """Refuse an impossible search."""
         require("runs", self.runs, 1, 10**6, whole=True)
         require("seed", self.seed, 0, SEEDS - 1, whole=True)
         if not self.space:
             raise UprightError(f"there is no setting of {self.cases[0].agent} to search")
 
     def key(self) -> dict[str, Any]:
-        """Return all that determines what a candidate is worth, as JSON knows it."""
-        case = self.cases[0]
-        values = case.as_data() | {
+        """Return all that determines the result of a candidate, as data for JSON."""
+        first = self.cases[0]
+        values = first.as_data() | {
             "label": None,
-            "task": [each.spec.as_data() for each in self.cases],
-            "space": [list(each) for each in self.space],
+            "task": [case.spec.as_data() for case in self.cases],
+            "space": [list(range_) for range_ in self.space],
             "runs": self.runs,
             "seed": self.seed,
-            "rule": fingerprint(case.agent, case.plant.name),
+            "rule": fingerprint(first.agent, first.plant.name),
         }
-        written: dict[str, Any] = json.loads(json.dumps(values))
-        return written
+        plain: dict[str, Any] = json.loads(json.dumps(values))
+        return plain
 
     def settings(self, trial: Any) -> Settings:
         """Return the settings that a trial of Optuna stands for."""
         if START in trial.user_attrs:
             return self.cases[0].settings
-        changes = {each.setting: each.value(trial.params[each.label]) for each in self.space}
+        changes = {
+            range_.setting: range_.value(trial.params[range_.label]) for range_ in self.space
+        }
         return replace(self.cases[0].settings, **changes)
 
     def cases_of(self, settings: Settings) -> list[Case]:
@@ -106,99 +109,99 @@ class Search:
 
 
 class SearchProgress(NamedTuple):
-    """How far a search is."""
+    """The progress of a search."""
 
     finished: int
-    """Candidates that were measured or given up."""
+    """Candidates that were measured or pruned."""
     batch: int
-    """Parts of the runs of the present candidate that are made."""
+    """Batches of the present candidate's runs that are finished."""
     best: float | None
-    """Mean trials of the best candidate; None while there is none."""
+    """Mean trials of the best candidate so far; None while there is none."""
 
 
 class SearchResult(NamedTuple):
-    """What a search found."""
+    """The result of a search."""
 
     settings: Settings
     """The best settings."""
     mean_trials: float
-    """What they reached on the runs they were chosen by: the optimist's figure."""
+    """Their mean trials on the runs they were chosen by, which is too optimistic."""
     candidates: int
-    """How many were tried."""
-    given_up: int
-    """How many of them were not measured to the end."""
+    """Number of candidates."""
+    pruned: int
+    """Number of candidates that were not measured to the end."""
 
 
 def search(
-    wanted: Search,
+    plan: Search,
     candidates: int,
     path: Path | str,
-    on_progress: Callable[[SearchProgress], None] = lambda _standing: None,
+    on_progress: Callable[[SearchProgress], None] = lambda _progress: None,
     executor: Executor | None = None,
 ) -> SearchResult:
-    """Try candidates until the store holds as many as wanted, and return the best.
+    """Try candidates until the store holds the given number of them, and return the best.
 
     Parameters
     ----------
-    wanted
+    plan
         What to search.
     candidates
-        How many to try in all, those in the store included. The first is the settings to begin
-        with.
+        Total number of candidates, including those in the store. The first has the settings that
+        the search starts from.
     path
-        SQLite database of Optuna where each candidate is written as it ends; made if missing, but
-        for its folder. ``optuna-dashboard`` shows it.
+        Path of Optuna's SQLite database, where each candidate is stored as it ends; created if
+        missing (its folder must exist). ``optuna-dashboard`` displays it.
     on_progress
-        Told of every part of a candidate as it ends.
+        Called after every batch of a candidate's runs.
     executor
-        Where to make the runs; a thread for every core unless given.
+        Where to make the runs; by default, in one thread per core.
 
     Raises
     ------
     UprightError
-        If Optuna is missing, or the store cannot be used, or holds another search.
+        If Optuna is missing, or the store cannot be used or holds another search.
     KeyboardInterrupt
-        If interrupted; the candidates that had ended are in the store.
+        If interrupted; the candidates that have ended are in the store.
     """
     require("candidates", candidates, 1, 10**6, whole=True)
     optuna = require_optuna()
-    with hold_interrupts(), _opened(wanted, path) as found:
-        finished = _finished(found)
+    state = optuna.trial.TrialState
+    with hold_interrupts(), _opened(plan, path) as optuna_study:
+        finished = _finished(optuna_study)
         while len(finished) < candidates:
-            found.sampler = _sampler(wanted.seed, len(finished))
+            optuna_study.sampler = _sampler(plan.seed, len(finished))
             if not finished:
-                _begin_with_start(wanted, found)
-            trial = found.ask({each.label: each.distribution() for each in wanted.space})
+                _begin_with_start(plan, optuna_study)
+            distributions = {range_.label: range_.distribution() for range_ in plan.space}
+            trial = optuna_study.ask(distributions)
             try:
                 on_progress(SearchProgress(len(finished), 0, _best(finished)))
-                value = _measure(wanted, trial, finished, on_progress, executor)
+                value = _measure(plan, trial, finished, on_progress, executor)
             except BaseException:
-                found.tell(trial, state=optuna.trial.TrialState.FAIL)
+                optuna_study.tell(trial, state=state.FAIL)
                 raise
-            state = optuna.trial.TrialState
-            found.tell(trial, value, state.PRUNED if value is None else state.COMPLETE)
-            finished = _finished(found)
+            optuna_study.tell(trial, value, state.PRUNED if value is None else state.COMPLETE)
+            finished = _finished(optuna_study)
         on_progress(SearchProgress(len(finished), 0, _best(finished)))
-        state = optuna.trial.TrialState
-        if not found.get_trials(deepcopy=False, states=(state.COMPLETE,)):
+        if not optuna_study.get_trials(deepcopy=False, states=(state.COMPLETE,)):
             raise UprightError("none of the candidates is allowed; name other settings to search")
-        best = found.best_trial
+        best = optuna_study.best_trial
         return SearchResult(
-            settings=wanted.settings(best),
+            settings=plan.settings(best),
             mean_trials=float(best.values[0]),
             candidates=len(finished),
-            given_up=sum(each.state == state.PRUNED for each in finished),
+            pruned=sum(trial.state == state.PRUNED for trial in finished),
         )
 
 
 def place_for(agent: str) -> str:
-    """Return the usual name of the store of an agent's search."""
+    """Return the default name of the store of an agent's search."""
     name = re.sub(r"[^\w-]+", "-", agent)
     return f"tune-{name}.sqlite"
 
 
 def require_optuna() -> Any:
-    """Return the module, quiet.
+    """Return the module optuna, with its log messages disabled.
 
     Raises
     ------
@@ -211,23 +214,23 @@ def require_optuna() -> Any:
 
 
 def _sampler(seed: int, finished: int) -> Any:
-    """Return a sampler that knows nothing of the candidates this process has drawn before.
+    """Return a sampler that does not depend on what this process has drawn before.
 
-    Optuna does not store a sampler's state. With a sampler for each candidate, seeded by its place,
-    an interrupted search goes on as if it had not been interrupted.
+    Optuna does not store a sampler's state. With a new sampler for each candidate, seeded by the
+    candidate's number, an interrupted search continues as if it had not been interrupted.
     """
     import optuna
 
-    place = np.random.SeedSequence(seed, spawn_key=(finished,))
+    sequence = np.random.SeedSequence(seed, spawn_key=(finished,))
     return optuna.samplers.TPESampler(
-        seed=int(place.generate_state(1)[0]),
-        constant_liar=False,  # a candidate that was interrupted must leave no trace
+        seed=int(sequence.generate_state(1)[0]),
+        constant_liar=False,  # an interrupted candidate must leave no trace
     )
 
 
 @contextmanager
-def _opened(wanted: Search, path: Path | str) -> Iterator[Any]:
-    """Open a store, new or of the same search."""
+def _opened(plan: Search, path: Path | str) -> Iterator[Any]:
+    """Open a store, which is new or holds the same search; yield Optuna's study."""
     import optuna
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -235,14 +238,14 @@ def _opened(wanted: Search, path: Path | str) -> Iterator[Any]:
     storage = None
     try:
         storage = optuna.storages.RDBStorage(f"sqlite:///{path}", {"connect_args": {"timeout": 60}})
-        found = optuna.create_study(
+        optuna_study = optuna.create_study(
             storage=storage,
             study_name="upright",
             load_if_exists=True,
             pruner=optuna.pruners.MedianPruner(),
         )
-        _check_same(wanted, found, path)
-        yield found
+        _check_same(plan, optuna_study, path)
+        yield optuna_study
     except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         why = str(error).splitlines()[0]
         raise UprightError(f"store is {str(path)!r}; it cannot be used: {why}") from None
@@ -253,7 +256,7 @@ def _opened(wanted: Search, path: Path | str) -> Iterator[Any]:
 
 
 def _check_store(path: Path | str) -> None:
-    """Raise UprightError unless a path is that of a database of Optuna, or of none yet."""
+    """Raise UprightError if a path is that of a file that is not a database of Optuna."""
     if not Path(path).parent.is_dir():
         raise UprightError(f"store is {str(path)!r}; its folder does not exist")
     if not Path(path).exists():
@@ -268,61 +271,61 @@ def _check_store(path: Path | str) -> None:
         raise UprightError(f"store is {str(path)!r}; it is a database of another program")
 
 
-def _check_same(wanted: Search, found: Any, path: Path | str) -> None:
-    """Write down what is searched, or raise UprightError if it is not what was written."""
-    key = wanted.key()
-    held = found.user_attrs.get("upright")
-    if held is None and not found.trials:
-        found.set_user_attr("upright", key)
-    elif held != key:
-        held = held or {}
-        names = ", ".join(name for name in key if held.get(name) != key[name])
+def _check_same(plan: Search, optuna_study: Any, path: Path | str) -> None:
+    """Store the plan of a new search; raise UprightError if the store holds another plan."""
+    key = plan.key()
+    stored = optuna_study.user_attrs.get("upright")
+    if stored is None and not optuna_study.trials:
+        optuna_study.set_user_attr("upright", key)
+    elif stored != key:
+        stored = stored or {}
+        names = ", ".join(name for name in key if stored.get(name) != key[name])
         why = f"it holds another search, which differs in: {names}; name another file"
         raise UprightError(f"store is {str(path)!r}; {why}")
 
 
-def _finished(found: Any) -> list[Any]:
-    """Return the candidates that were measured or given up, in order."""
+def _finished(optuna_study: Any) -> list[Any]:
+    """Return the candidates that were measured or pruned, in order."""
     import optuna
 
-    state = optuna.trial.TrialState
-    trials: list[Any] = found.get_trials(deepcopy=False, states=(state.COMPLETE, state.PRUNED))
+    states = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
+    trials: list[Any] = optuna_study.get_trials(deepcopy=False, states=states)
     return trials
 
 
 def _best(finished: Sequence[Any]) -> float | None:
-    complete = [each.values[0] for each in finished if each.state.name == "COMPLETE"]
+    complete = [trial.values[0] for trial in finished if trial.state.name == "COMPLETE"]
     return min(complete, default=None)
 
 
-def _begin_with_start(wanted: Search, found: Any) -> None:
-    """Make the settings to begin with the first candidate, if they lie in the space."""
+def _begin_with_start(plan: Search, optuna_study: Any) -> None:
+    """Make the settings to start from the first candidate, if they are in the search space."""
     import optuna
 
-    start = wanted.cases[0].settings
-    drawn = {each.label: each.drawn(getattr(start, each.setting)) for each in wanted.space}
-    waiting = found.get_trials(deepcopy=False, states=(optuna.trial.TrialState.WAITING,))
+    start = plan.cases[0].settings
+    drawn = {range_.label: range_.drawn(getattr(start, range_.setting)) for range_ in plan.space}
+    waiting = optuna_study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.WAITING,))
     if None not in drawn.values() and not waiting:
-        found.enqueue_trial(drawn, {START: True})
+        optuna_study.enqueue_trial(drawn, {START: True})
 
 
 def _measure(
-    wanted: Search,
+    plan: Search,
     trial: Any,
     finished: Sequence[Any],
     on_progress: Callable[[SearchProgress], None],
     executor: Executor | None,
 ) -> float | None:
-    """Return a candidate's mean trials; None if it was given up."""
+    """Return a candidate's mean trials; None if it was pruned."""
     try:
-        settings = wanted.settings(trial)
-    except ValueError:  # values that are allowed each, but not together
+        settings = plan.settings(trial)
+    except ValueError:  # each value is allowed, but not their combination
         return None
-    cases = wanted.cases_of(settings)
-    seed = search_seed(wanted.seed)
+    cases = plan.cases_of(settings)
+    seed = search_seed(plan.seed)
     with Store() as store:
         for batch in range(BATCHES):
-            runs = -(-wanted.runs * (batch + 1) // BATCHES)
+            runs = -(-plan.runs * (batch + 1) // BATCHES)
             study(cases, runs, seed, store, executor=executor)
             mean = float(np.mean(_trials(cases, store, seed)))
             trial.report(mean, batch)
@@ -333,93 +336,100 @@ def _measure(
 
 
 def _trials(cases: Sequence[Case], store: Store, seed: int) -> np.ndarray:
-    """Return the trials of every run; a failed one has made all it was allowed."""
+    """Return the number of trials of every run; a failed run has made the maximum number."""
     return np.array([r.trials for case in cases for r in store.results(case.key, seed)])
 
 
-# ------------------------------------------------------------------------------ what it is worth
+# ------------------------------------------------------------------------------ validation
 
 
 class Validation(NamedTuple):
-    """What settings reach on fresh runs."""
+    """The results of settings on fresh runs."""
 
     mean_trials: float
-    """Over all runs, a failed one counted as all the trials it was allowed."""
+    """Mean over all runs, where a failed run counts as the maximum number of trials."""
     ci95: tuple[float, float]
     """Its 95 % interval."""
     successes: int
-    """How many runs succeeded."""
+    """Number of runs that succeeded."""
     runs: int
-    """Of how many."""
+    """Number of runs."""
 
 
 def validate(
-    wanted: Search,
+    plan: Search,
     settings: Settings,
     runs: int,
     make: Callable[[list[Case], int, int, Store], object] = study,
 ) -> tuple[Validation, Validation]:
-    """Measure settings, and those a search began with, on runs that no candidate has seen.
+    """Measure settings, and those a search started from, on runs that no candidate has seen.
 
     Parameters
     ----------
-    wanted
+    plan
         What was searched.
     settings
-        What was found.
+        The settings found.
     runs
         Runs on each noise case.
     make
-        Makes the studies: `study.study`, or another that shows how far it is.
+        Makes the studies: `study.study`, or a variant that shows its progress.
     """
-    tuned = wanted.cases_of(settings)
-    start = wanted.cases_of(wanted.cases[0].settings)
-    seed = validation_seed(wanted.seed)
+    tuned = plan.cases_of(settings)
+    start = plan.cases_of(plan.cases[0].settings)
+    seed = validation_seed(plan.seed)
     with Store() as store:
         make(tuned if tuned == start else tuned + start, runs, seed, store)
-        return _worth(tuned, store, seed), _worth(start, store, seed)
+        return _validation(tuned, store, seed), _validation(start, store, seed)
 
 
-def _worth(cases: list[Case], store: Store, seed: int) -> Validation:
+def _validation(cases: list[Case], store: Store, seed: int) -> Validation:
     trials = _trials(cases, store, seed)
     successes = sum(r.success for case in cases for r in store.results(case.key, seed))
     return Validation(float(trials.mean()), bootstrap_interval(trials), successes, len(trials))
 
 
 def describe(
-    wanted: Search, found: SearchResult, worths: tuple[Validation, Validation], label: str
+    plan: Search, result: SearchResult, validations: tuple[Validation, Validation], label: str
 ) -> str:
-    """Return for people what was found, in forms that can be used again.
+    """Return a report of a search, with the settings as a command and as Python code.
 
     Parameters
     ----------
+    plan
+        What was searched.
+    result
+        What was found.
+    validations
+        The return value of `validate`.
     label
-        Name of the settings that `upright learn` is to change.
+        Name of the settings that the options of `upright learn` change.
     """
-    case, settings = wanted.cases[0], found.settings
+    case, settings = plan.cases[0], result.settings
     tuned, start = (
-        f"{worth.mean_trials:8.1f} [{worth.ci95[0]:.1f}, {worth.ci95[1]:.1f}], "
-        f"{worth.successes} of {worth.runs} runs succeeded"
-        for worth in worths
+        f"{validation.mean_trials:8.1f} [{validation.ci95[0]:.1f}, {validation.ci95[1]:.1f}], "
+        f"{validation.successes} of {validation.runs} runs succeeded"
+        for validation in validations
     )
     learn = [f"upright learn {case.agent}"]
     learn += [f"--settings {label}"] if label != "default" else []
     learn += as_options(settings, AGENTS.settings(case.agent)[label])
     lines = [
-        f"best of {found.candidates} candidates ({found.given_up} given up early), "
-        f"chosen by {found.mean_trials:.1f} trials on {wanted.runs} runs a case;",
-        f"on fresh runs, a failed one counted as {case.spec.trials:,}: mean trials [95 % interval]",
-        f"  found   {tuned}",
-        f"  before  {start}",
+        f"best of {result.candidates} candidates ({result.pruned} pruned), "
+        f"chosen by {result.mean_trials:.1f} mean trials over {plan.runs} runs per case",
+        "mean trials [95 % interval] on fresh runs, "
+        f"where a failed run counts as {case.spec.trials:,}:",
+        f"  tuned     {tuned}",
+        f"  original  {start}",
     ]
-    if worths[0].mean_trials >= worths[1].mean_trials:
-        lines.append("What was found is no better than what there was.")
+    if validations[0].mean_trials >= validations[1].mean_trials:
+        lines.append("The tuned settings are no better than the original ones.")
     lines += ["", " ".join(learn), "", as_python(settings)]
     return "\n".join(lines)
 
 
 def as_options(settings: Settings, start: Settings) -> list[str]:
-    """Return what `upright learn` has to be told to change one into the other."""
+    """Return the options of `upright learn` that change the settings `start` into these."""
     options = []
     for name, value in _differences(settings, start).items():
         options.append(f"--set '{name}={value}'" if " " in str(value) else f"--set {name}={value}")
@@ -427,7 +437,7 @@ def as_options(settings: Settings, start: Settings) -> list[str]:
 
 
 def as_python(settings: Settings) -> str:
-    """Return the call that makes the settings."""
+    """Return Python code that makes the settings."""
     kind = type(settings)
     changed = (
         f"{field.name}={getattr(settings, field.name)!r}"

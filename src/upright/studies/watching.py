@@ -1,4 +1,4 @@
-"""Watching one run learn, or a policy play, trial by trial."""
+"""Watch a run learn, or a policy play, trial by trial."""
 
 import math
 from collections import deque
@@ -23,29 +23,29 @@ from upright.support.interrupts import hold_interrupts, let_interrupts_through
 BAR = 40
 """Width of the longest bar [characters]."""
 POLL = 0.05
-"""Time between two looks at the run [s]."""
+"""Interval at which the run is checked for trials that have ended [s]."""
 PATIENCE = 1.0
-"""How long an interrupted run is waited for [s]."""
+"""How long to wait for an interrupted run to end [s]."""
 
 
 def watch_run(
     case: Case, seed: int, run: int, *, quiet: bool = False, twister: bool = False
 ) -> tuple[Any, Result]:
-    """Make a run and print a line for each trial as it ends, then how the run ended.
+    """Make a run; print a line for each trial as it ends, then one about the run.
 
     Parameters
     ----------
     case, seed, run
-        What is run.
+        What to run.
     quiet
-        Whether only the end is told.
+        Whether to print only the line about the run.
     twister
-        Whether it draws the random numbers of the MATLAB twin.
+        Whether to draw the random numbers of the MATLAB twin.
 
     Returns
     -------
     tuple
-        The agent as it is then, and the result.
+        The trained agent, and the result.
 
     Raises
     ------
@@ -57,36 +57,37 @@ def watch_run(
         numbers = twister_numbers if twister else None
         return make_run(case, seed, run, lengths, stop, numbers)
 
-    def tell(number: int, length: int) -> None:
+    def show(number: int, length: int) -> None:
         if not quiet:
             print_trial(case, number, length)
 
-    return watch(case, work, tell)
+    return watch(case, work, show)
 
 
 def watch(
     case: Case,
     work: Callable[[np.ndarray, np.ndarray], tuple[Any, Result | None]],
-    tell: Callable[[int, int], None],
+    on_trial: Callable[[int, int], None],
     stop: np.ndarray | None = None,
 ) -> tuple[Any, Result]:
-    """Have a run made in a thread, tell of each trial as it ends, and print how the run ended.
+    """Make a run in a thread, report each trial as it ends, and print how the run ended.
 
     Parameters
     ----------
     case
-        What is run.
+        What to run.
     work
-        Makes the run, given where to write the lengths of its trials, and `stop`.
-    tell
-        Told each trial's number, from 1, and its length in steps.
+        Makes the run. Its arguments are the array that the lengths of trials are written to, and
+        `stop`.
+    on_trial
+        Called after each trial with its number, from 1, and its length in steps.
     stop
-        Shape (1,), bool; set when interrupted, so that the work ends.
+        Shape (1,), bool; set when interrupted, so that `work` returns.
 
     Returns
     -------
     tuple
-        What the work returned.
+        What `work` returned.
 
     Raises
     ------
@@ -95,13 +96,13 @@ def watch(
     """
     lengths = np.zeros(case.spec.trials, np.int64)
     stop = np.zeros(1, np.bool_) if stop is None else stop
-    told = 0
+    reported = 0
 
-    def tell_more() -> None:
-        nonlocal told
-        while told < len(lengths) and lengths[told] > 0:
-            told += 1
-            tell(told, int(lengths[told - 1]))
+    def report() -> None:
+        nonlocal reported
+        while reported < len(lengths) and lengths[reported] > 0:
+            reported += 1
+            on_trial(reported, int(lengths[reported - 1]))
 
     ended: SimpleQueue[Future[Any]] = SimpleQueue()
     with hold_interrupts():
@@ -113,20 +114,20 @@ def watch(
                 with let_interrupts_through():
                     with suppress(Empty):
                         ended.get(timeout=POLL)
-                    tell_more()
+                    report()
         finally:
             stop[0] = True
-            wait([future], PATIENCE)  # a cart is to be stopped
+            wait([future], PATIENCE)  # so that a cart is stopped
             thread.shutdown(wait=False)
-    made, result = future.result()
-    assert result is not None, "it was stopped by an interrupt alone"
-    tell_more()
+    agent, result = future.result()
+    assert result is not None, "only an interrupt stops a run"
+    report()
     print(_ending(case, result))
-    return made, result
+    return agent, result
 
 
 def print_trial(case: Case, number: int, length: int) -> None:
-    """Print a trial of so many steps, with a bar that is logarithmic."""
+    """Print a trial's number and its length in steps, with a logarithmic bar."""
     seconds = length * case.spec.time_step
     bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.spec.steps)))
     print(f"trial {number:4d} {length:9,d} steps {seconds:10,.1f} s  {bar}", flush=True)
@@ -135,7 +136,7 @@ def print_trial(case: Case, number: int, length: int) -> None:
 def _ending(case: Case, result: Result) -> str:
     if not result.success:
         longest = int(result.lengths.max())
-        return f"not balanced within {result.trials:,} trials; the longest was {longest:,} steps"
+        return f"not balanced within {result.trials:,} trials; the longest took {longest:,} steps"
     simulated = case.spec.steps * case.spec.time_step
     time = f"{simulated / 60:,.0f} minutes" if simulated >= 120 else f"{simulated:,.0f} seconds"
     return (
@@ -153,19 +154,27 @@ def watch_play(
     *,
     window: bool = False,
 ) -> list[TrialOutcome]:
-    """Let a policy play and print a line for each trial as it ends, then how they went.
+    """Play a policy; print a line for each trial as it ends, then a summary.
 
     Parameters
     ----------
+    policy
+        The policy.
+    case
+        What it plays on.
+    episodes
+        Number of trials.
+    seed
+        Seed of their random numbers.
     video
-        Where what was to be seen is written to, if anywhere.
+        Path of a video to write, if any.
     window
-        Whether it is shown as fast as it would happen. Who closes the window ends the playing.
+        Whether to show the trials in real time. Closing the window stops playback.
 
     Returns
     -------
     list
-        How each trial went that was played to its end.
+        The outcome of each trial that was played to its end.
 
     Raises
     ------
@@ -175,11 +184,11 @@ def watch_play(
     rate = 1 / case.spec.time_step
     played: list[TrialOutcome] = []
 
-    def tell(trial: TrialOutcome) -> None:
-        played.append(trial)
-        print_trial(case, len(played), trial.steps)
+    def report(outcome: TrialOutcome) -> None:
+        played.append(outcome)
+        print_trial(case, len(played), outcome.steps)
 
-    frames = pictures(policy, case, episodes, seed, tell)
+    frames = pictures(policy, case, episodes, seed, report)
     if window:
         frames = _shown(frames, Window(f"{policy.agent}, {case.spec.noise}", rate))
     try:
@@ -188,15 +197,15 @@ def watch_play(
         elif window:
             deque(frames, maxlen=0)
         else:
-            for trial in play_trials(policy, case, episodes, seed):
-                tell(trial)
+            for outcome in play_trials(policy, case, episodes, seed):
+                report(outcome)
     finally:
         print(_summary(played))
     return played
 
 
 def _shown(frames: Iterator[np.ndarray], window: Window) -> Iterator[np.ndarray]:
-    """Pass pictures on as they are shown, while the window is open."""
+    """Yield pictures as they are shown, while the window is open."""
     try:
         for pixels in frames:
             window.show(pixels)

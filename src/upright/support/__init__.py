@@ -1,4 +1,4 @@
-"""What any program needs: settings as values, files, processes, interrupts. Knows no pendulum.
+"""What any program needs: settings, files, processes, interrupts. Nothing here is about pendulums.
 
 May import `upright.errors`.
 """

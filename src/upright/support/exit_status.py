@@ -1,4 +1,4 @@
-"""How commands end: their exit statuses."""
+"""Exit statuses of commands, and the one line that explains a failure."""
 
 import sys
 from collections.abc import Callable
@@ -10,7 +10,7 @@ FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
 
 
 def exit_status(work: Callable[[], int]) -> int:
-    """Do the work of a command and return its exit status; say in one line what went wrong."""
+    """Run a command and return its exit status; explain a failure in one line on standard error."""
     try:
         return work()
     except UprightError as error:

@@ -1,4 +1,4 @@
-"""Writing files whole or not at all, and telling whether some have changed."""
+"""Writing files atomically, and detecting whether files have changed."""
 
 import hashlib
 import os
@@ -14,20 +14,20 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def digest(paths: Iterable[Path], folder: Path) -> str:
-    """Return a short digest of files: of their names within a folder, and of what is in them."""
-    whole = hashlib.sha256()
+    """Return a short digest of files: of their names relative to a folder, and their contents."""
+    sha = hashlib.sha256()
     for path in paths:
-        whole.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
-    return whole.hexdigest()[:12]
+        sha.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return sha.hexdigest()[:12]
 
 
 def user_cache() -> Path:
-    """Return the folder for what can be made or fetched again; it need not exist yet."""
+    """Return the folder for what can be rebuilt or downloaded again; it need not exist yet."""
     return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "upright"
 
 
 def check_output(path: Path | str) -> Path:
-    """Return the path of a file to be written later, having made sure that it can be.
+    """Return the path of a file to be written later, after checking that it can be written.
 
     Raises
     ------
@@ -46,14 +46,14 @@ def check_output(path: Path | str) -> Path:
 
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
-    """Give a file beside `path` to write to, which takes its place at the end if all went well.
+    """Yield a temporary file beside `path`, which replaces it if the block raises nothing.
 
-    Whoever opens `path` sees the old content or the new one, never a part.
+    A program that opens `path` reads the old content or the new, never a part of either.
 
     Raises
     ------
     UprightError
-        If it cannot be written.
+        If the file cannot be written.
     """
     path = check_output(path)
     with _explained(path):
@@ -71,7 +71,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Turn an error of the system into one that names the file."""
+    """Turn an error of the operating system into one that names the file."""
     try:
         yield
     except OSError as error:
@@ -81,12 +81,12 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 def write_file(path: Path | str, data: bytes | str) -> None:
-    """Write a file, whole or not at all.
+    """Write a file atomically: either all of it or nothing.
 
     Raises
     ------
     UprightError
-        If it cannot be written.
+        If the file cannot be written.
     """
     with replacing(path) as part, _explained(Path(path)):
         part.write_bytes(data.encode() if isinstance(data, str) else data)

@@ -1,4 +1,4 @@
-"""Interrupts (Ctrl-C) that come when they do no harm."""
+"""Defer interrupts (Ctrl-C) to points where they do no harm."""
 
 import signal
 import threading
@@ -7,20 +7,20 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""What interrupts, where its handler is the one that raises KeyboardInterrupt."""
+"""Signals that interrupt, if their handler is the default one, which raises KeyboardInterrupt."""
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Hold interrupts back, save where `let_interrupts_through`.
+    """Hold interrupts back, except within `let_interrupts_through`.
 
-    Raised anywhere, KeyboardInterrupt can leave a lock taken or a transaction of a database open,
-    and whoever comes next waits for ever; or it is lost in a callback that Python calls as it frees
-    an object. One that was held back or lost is raised where the next of these contexts begins or
-    ends. A second is raised at once.
+    Raised at an arbitrary point, KeyboardInterrupt can leave a lock taken or a database transaction
+    open, so that the next user waits for ever; or it is lost in a callback that Python runs as it
+    frees an object. An interrupt that was held back or lost is raised where the next of these
+    contexts begins or ends. A second interrupt is raised at once.
 
-    In threads besides the main one, and where another program has its own way with interrupts, all
-    stays as it is.
+    Nothing changes in threads other than the main one, or where the calling program has installed
+    signal handlers of its own.
 
     Raises
     ------
@@ -47,12 +47,12 @@ def hold_interrupts() -> Iterator[None]:
 
 @contextmanager
 def let_interrupts_through() -> Iterator[None]:
-    """Let interrupts come at once, where they are held back otherwise: best around one wait.
+    """Let interrupts through at once within `hold_interrupts`; meant for a single blocking call.
 
     Raises
     ------
     KeyboardInterrupt
-        If interrupted, or one was held back.
+        If interrupted now, or if an interrupt was held back.
     """
     if handler := _handler():
         with handler.switched(through=True):
@@ -62,35 +62,35 @@ def let_interrupts_through() -> Iterator[None]:
 
 
 class _Handler:
-    """Of signals."""
+    """A signal handler that counts interrupts and raises them when they are let through."""
 
     def __init__(self) -> None:
         self._through = True
-        self._came = 0
+        self._interrupts = 0
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        self._came += 1
-        if self._through or self._came > 1:
+        self._interrupts += 1
+        if self._through or self._interrupts > 1:
             raise KeyboardInterrupt
 
     @contextmanager
     def switched(self, through: bool) -> Iterator[None]:
-        """Let interrupts through, or not."""
-        before, self._through = self._through, through
+        """Let interrupts through, or hold them back, within the block."""
+        previous, self._through = self._through, through
         try:
-            self._raise_if(before or through)
+            self._raise_if(previous or through)
             yield
         finally:
-            self._through = before
-        self._raise_if(before or through)
+            self._through = previous
+        self._raise_if(previous or through)
 
     def _raise_if(self, through: bool) -> None:
-        if through and self._came:
+        if through and self._interrupts:
             raise KeyboardInterrupt
 
 
 def _handler() -> _Handler | None:
-    """Return what holds interrupts back in this thread."""
+    """Return the handler that holds interrupts back in this thread, if any."""
     if threading.current_thread() is threading.main_thread():
         for handler in map(signal.getsignal, SIGNALS):
             if isinstance(handler, _Handler):

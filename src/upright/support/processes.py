@@ -1,4 +1,4 @@
-"""Processes: the workers of a study, ending programs, sharing a core in lock-step."""
+"""Processes: a pool of workers, terminating programs, pinning lock-step partners to one core."""
 
 import multiprocessing
 import os
@@ -11,21 +11,21 @@ from subprocess import Popen, TimeoutExpired
 from typing import Any
 
 PATIENCE = 5.0
-"""How long a program may take to end when it is asked to [s]."""
+"""How long a terminated program may take to exit before it is killed [s]."""
 
 
 def process_pool() -> ProcessPoolExecutor:
-    """Return a process for every core.
+    """Return a pool with one worker process per core.
 
-    They are new ones, as a copy of one that has threads may hang. Ctrl-C reaches them too: they end
-    at once and say nothing.
+    The workers are spawned, because a fork of a process with threads may hang. Ctrl-C reaches them
+    too: they exit at once, without a traceback.
     """
     spawn = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(cpu_count(), spawn, signal.signal, (signal.SIGINT, signal.SIG_DFL))
 
 
 def end_process(process: "Popen[Any]") -> None:
-    """Ask a program to end, and kill it if it does not."""
+    """Terminate a program, and kill it if it does not exit in time."""
     process.terminate()
     try:
         process.wait(PATIENCE)
@@ -36,12 +36,17 @@ def end_process(process: "Popen[Any]") -> None:
 
 @contextmanager
 def share_core(number: int) -> Iterator[None]:
-    """Keep this thread, and the threads and processes it starts, on the core that a number picks.
+    """Pin this thread, and the threads and processes it starts, to one core.
 
-    In lock-step one side waits while the other works. To wake one that is on the same core takes
-    two thirds of the time.
+    In lock-step, one side waits while the other works. Waking a partner on the same core takes two
+    thirds of the time.
+
+    Parameters
+    ----------
+    number
+        Selects the core: partners with the same number share one.
     """
-    if not hasattr(os, "sched_setaffinity"):  # it is Linux that has it
+    if not hasattr(os, "sched_setaffinity"):  # only Linux has it
         yield
         return
     cores = os.sched_getaffinity(0)

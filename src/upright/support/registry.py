@@ -1,8 +1,8 @@
 """Registries: named things, one module each, imported when first used.
 
-A module of a registry has a docstring, whose first line says what the thing is, and where the thing
-can be set, `SETTINGS`: its settings by label, "default" among them. Installed packages register
-modules of their own by entry points.
+A registered module has a docstring, whose first line says what the thing is. If the thing has
+settings, the module also has `SETTINGS`: a dictionary of them by label, "default" among them.
+Installed packages register modules of their own through entry points.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,19 +18,19 @@ S = TypeVar("S", bound=Fields)
 
 
 class Registry(Mapping[str, str], Generic[S]):
-    """The modules of a kind of thing by name.
+    """Maps names of things of one kind to their modules.
 
     Parameters
     ----------
     kind
-        What the things are, for errors: "agent".
+        What the things are called in errors, such as "agent".
     modules
-        Those of the package: the path of each module by name.
+        The package's own modules: the import path of each by name.
     group
-        The entry points by which installed packages register theirs; empty for none.
+        Group of entry points through which installed packages register theirs; empty for none.
     custom
-        Makes the settings of a thing that is named `module:name` and not registered; None where
-        there are no such things.
+        Makes the settings of a thing that is named by its path, `module:name`, without being
+        registered; None if this kind has no such things.
 
     Examples
     --------
@@ -53,15 +53,15 @@ class Registry(Mapping[str, str], Generic[S]):
         self.kind, self.built_in, self._group, self._custom = kind, modules, group, custom
 
     def __getitem__(self, name: str) -> str:
-        """Return the path of a module; installed packages are searched only for other names."""
+        """Return the import path of a module; look among installed packages only if need be."""
         return self.built_in[name] if name in self.built_in else self._installed[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Give all names, the package's own first."""
+        """Iterate over all names, the package's own first."""
         return iter(self.built_in | self._installed)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of names."""
         return len(self.built_in | self._installed)
 
     @cached_property
@@ -71,17 +71,17 @@ class Registry(Mapping[str, str], Generic[S]):
             return {}
         from importlib.metadata import entry_points
 
-        found = {point.name: point.value for point in entry_points(group=self._group)}
-        return {name: found[name] for name in sorted(found) if name not in self.built_in}
+        modules = {point.name: point.value for point in entry_points(group=self._group)}
+        return {name: modules[name] for name in sorted(modules) if name not in self.built_in}
 
     def check(self, name: str) -> None:
-        """Raise UprightError unless there is a thing of this name; a custom one is not sought."""
+        """Raise UprightError unless this name is registered or is the path of a custom thing."""
         if self.is_path(name) or name in self.built_in:
             return
         require_one_of(self.kind, name, [*self, "module:name"] if self._custom else self)
 
     def is_path(self, name: str) -> bool:
-        """Whether this names a thing that is not registered: `module:name`."""
+        """Whether this is the path of a custom thing, `module:name`, rather than a name."""
         return self._custom is not None and ":" in name
 
     def module(self, name: str) -> ModuleType:
@@ -90,7 +90,7 @@ class Registry(Mapping[str, str], Generic[S]):
         Raises
         ------
         UprightError
-            If there is no such thing, or an installed package registers what cannot be imported.
+            If there is no such thing, or an installed package's module cannot be imported.
         """
         self.check(name)
         if name in self.built_in:
@@ -126,7 +126,7 @@ class Registry(Mapping[str, str], Generic[S]):
         return self.settings(name)["default"]
 
     def summary(self, name: str) -> str:
-        """Return what a thing is, in one line.
+        """Return a one-line description of a thing.
 
         Raises
         ------
@@ -139,12 +139,12 @@ class Registry(Mapping[str, str], Generic[S]):
         return (self.module(name).__doc__ or "").partition("\n")[0]
 
     def restore(self, name: str, values: Mapping[str, Any]) -> S:
-        """Return the settings that were written to a file, as `values_of` gave them.
+        """Return settings read from a file, which holds them as `values_of` returned them.
 
         Raises
         ------
         UprightError
-            If there is no such thing, or they are not its settings, or not allowed.
+            If there is no such thing, or the values are not its settings or are not allowed.
         """
         if self._custom is not None and self.is_path(name):
             settings = self._custom(name)

@@ -1,6 +1,6 @@
-"""Settings: frozen dataclasses that stand beside what they set, a line of text under each field.
+"""Settings: frozen dataclasses, defined beside the code they configure, with a text for each field.
 
-The command line, stores, documents and ROS 2 read fields, values and texts from there.
+The command line, stores, documentation and ROS 2 read fields, values and texts from them.
 """
 
 import ast
@@ -15,7 +15,7 @@ from upright.errors import UprightError, require_one_of
 class Fields(Protocol):
     """Any dataclass.
 
-    If settings once had other names, its class attribute `RENAMED` holds the new one of each.
+    Its class attribute `RENAMED`, if any, maps former names of settings to present ones.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -25,37 +25,37 @@ S = TypeVar("S", bound=Fields)
 
 
 def values_of(settings: Fields) -> dict[str, Any]:
-    """Return the values of settings by name."""
+    """Return the values of settings as a dictionary."""
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
 
 
 def renamed(settings: Fields) -> dict[str, str]:
-    """Return the present names of settings that once had other names, by those."""
+    """Return the present names of renamed settings by their former names."""
     names: dict[str, str] = getattr(settings, "RENAMED", {})
     return names
 
 
 def refuse_former_name(settings: Fields, name: str) -> None:
-    """Raise UprightError if a person names a setting as it was once called."""
+    """Raise UprightError if this is the former name of a setting."""
     if name in renamed(settings):
         raise UprightError(f"{name} is now called {renamed(settings)[name]}")
 
 
 def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
-    """Return by name the values of settings that differ from the usual ones."""
+    """Return the values of settings that differ from the usual ones, by name."""
     values = values_of(usual)
     return {name: value for name, value in values_of(settings).items() if value != values[name]}
 
 
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
-    """Return settings like the default ones with the values that were written to a file as JSON.
+    """Return settings of the same class as the default ones, with values read from JSON.
 
-    A file may hold former names of settings.
+    Former names of settings are accepted.
 
     Raises
     ------
     UprightError
-        If they are not the owner's settings, or not allowed.
+        If the values are not the owner's settings, or are not allowed.
     """
     for old, new in renamed(default).items():
         if old in values and new not in values:
@@ -71,12 +71,12 @@ def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
 
 
 def change_settings(settings: S, changes: Mapping[str, str]) -> S:
-    """Return settings with some values changed, given as text.
+    """Return settings with some of the values changed, which are given as text.
 
     Raises
     ------
     UprightError
-        If there is no such setting, it now has another name, or its value is not allowed.
+        If there is no such setting, it has been renamed, or its value is not allowed.
     """
     present = values_of(settings)
     values = {}
@@ -88,12 +88,17 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
 
 
 def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Return names and values of texts like NAME=VALUE.
+    """Yield the name and value of each text of the form NAME=VALUE.
+
+    Parameters
+    ----------
+    option
+        Name of the option that takes these texts, for errors.
 
     Raises
     ------
     UprightError
-        If there is no =; `option` is what gave the texts.
+        If a text has no =.
     """
     for change in changes:
         name, sign, value = change.partition("=")
@@ -103,7 +108,7 @@ def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 
 def _parse(name: str, text: str, present: object) -> object:
-    """Return the value that a text means, of the same kind as the present one."""
+    """Return the value that a text stands for, of the same kind as the present one."""
     if isinstance(present, str):
         return text
     try:
@@ -118,12 +123,12 @@ def _parse(name: str, text: str, present: object) -> object:
 
 
 def _is_like(present: object, value: object) -> bool:
-    """Whether a value is of the present one's kind; a whole number will do for any other."""
+    """Whether a value is of the present one's kind; an int is accepted as a float."""
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
 
 
 def describe_settings(settings: Any) -> dict[str, str]:
-    """Return the sentence under each field of a dataclass or a NamedTuple, or of its class."""
+    """Return the text that documents each field of a dataclass or NamedTuple, or of its class."""
     kind = settings if isinstance(settings, type) else type(settings)
     (definition,) = ast.parse(inspect.getsource(kind)).body
     assert isinstance(definition, ast.ClassDef)

@@ -7,10 +7,10 @@ from typing import Any
 from upright.commands.options import LABELS, add
 from upright.commands.parser import Parser
 from upright.core.conditions import NOISES, STARTS
-from upright.nodes.settings import BODIES
+from upright.nodes.settings import SIMULATED
 from upright.support.settings import describe_settings
 
-NAMES: dict[str, Any] = {"plant": BODIES, "noise": NOISES, "start": STARTS, "settings": LABELS}
+NAMES: dict[str, Any] = {"plant": SIMULATED, "noise": NOISES, "start": STARTS, "settings": LABELS}
 """What is allowed where a setting is one of several names."""
 REPEATED = {"plant_set": "--plant-set", "parameters": "--parameter"}
 """Settings that list several values with commas between, each an option of its own."""

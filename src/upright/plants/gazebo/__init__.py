@@ -1,1 +1,1 @@
-"""The cart-pole in Gazebo 11: installing it, its world and server, the plant, its window."""
+"""The cart-pole in Gazebo 11: the plant, its server, world and window, and an installer."""

@@ -1,4 +1,4 @@
-"""Tell what is there of Gazebo, and of what it takes to bring it."""
+"""Checks whether Gazebo is installed, and whether it could be installed."""
 
 import shutil
 from collections.abc import Callable
@@ -9,45 +9,45 @@ from upright.plants.gazebo.installation import INSTALL, find_gazebo, find_progra
 from upright.plants.gazebo.installer import PACKAGED, SPARE, machine_mirror, size
 
 ROOM = 1_300_000_000
-"""Bytes that an installation needs at most: the downloaded packages, and what is in them."""
+"""Most disk space that an installation needs: packages and their contents [bytes]."""
 TOOLS = {
     "c++": "to build the plugin",
     "cmake": "to build the plugin",
     "make": "to build the plugin",
-    "apt-get": "to bring Gazebo",
-    "dpkg-deb": "to bring Gazebo",
-    "Xvfb": "to show a window where there is no display",
+    "apt-get": "to install Gazebo",
+    "dpkg-deb": "to install Gazebo",
+    "Xvfb": "to take pictures of the window without a display",
 }
 
 
 class Check(NamedTuple):
-    """Something that was looked for."""
+    """The result of looking for one thing."""
 
     name: str
     found: bool
-    told: str
-    """Where it is; or how to get it."""
+    detail: str
+    """Where it is, or how to get it."""
     needed: bool = False
     """Whether Gazebo cannot be used without it."""
 
     def __str__(self) -> str:
-        return f"{'found' if self.found else 'missing':8} {self.name}: {self.told}"
+        return f"{'found' if self.found else 'missing':8} {self.name}: {self.detail}"
 
 
 def examine() -> list[Check]:
-    """Look for everything, and return what was found."""
+    """Look for everything that Gazebo and its installation need."""
     return [
-        _tried("Gazebo 11", _gazebo, needed=True),
-        _tried("plugin", _plugin, needed=True),
+        _check("Gazebo 11", _gazebo, needed=True),
+        _check("plugin", _plugin, needed=True),
         *(_tool(name, purpose) for name, purpose in TOOLS.items()),
-        _tried("mirror of Debian", machine_mirror),
-        _tried("disk space", _room),
+        _check("mirror of Debian", machine_mirror),
+        _check("disk space", _room),
     ]
 
 
-def _tried(name: str, look: Callable[[], str], *, needed: bool = False) -> Check:
+def _check(name: str, find: Callable[[], str], *, needed: bool = False) -> Check:
     try:
-        return Check(name, True, look(), needed)
+        return Check(name, True, find(), needed)
     except UprightError as error:
         return Check(name, False, str(error), needed)
 
@@ -55,8 +55,8 @@ def _tried(name: str, look: Callable[[], str], *, needed: bool = False) -> Check
 def _gazebo() -> str:
     program = find_program()
     if program is None:
-        raise UprightError(f"{INSTALL} brings it")
-    origin = "brought by Upright" if program.prefix else "the machine's own"
+        raise UprightError(f"{INSTALL} installs it")
+    origin = "installed by Upright" if program.prefix else "the machine's own"
     return f"version {program.version} runs, {origin}, {program.server}"
 
 
@@ -72,10 +72,10 @@ def _tool(name: str, purpose: str) -> Check:
 
 def _room() -> str:
     folder = private_folder()
-    there = next(path for path in (folder, *folder.parents) if path.exists())
-    free = shutil.disk_usage(there).free
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    free = shutil.disk_usage(existing).free
     if free < ROOM + SPARE:
         raise UprightError(
-            f"{size(free)} free in {there}; an installation needs {size(ROOM + SPARE)}"
+            f"{size(free)} free in {existing}; an installation needs {size(ROOM + SPARE)}"
         )
-    return f"{size(free)} free in {there}"
+    return f"{size(free)} free in {existing}"

@@ -1,8 +1,8 @@
-"""Where Gazebo 11 is on this machine, and with which environment its programs run.
+"""Finds Gazebo 11 on this machine, and the environment that its programs need.
 
-Either the machine has a Gazebo 11 of its own, or `upright gazebo install` has unpacked one into a
-private folder. The private one runs with the machine's own C and C++ libraries; every other library
-comes from that folder, by way of the environment.
+Either Gazebo 11 is installed on the machine, or `upright gazebo install` has unpacked it into a
+private folder. The private one runs with the machine's own C and C++ libraries; all other libraries
+are found in that folder through environment variables.
 """
 
 import os
@@ -19,10 +19,10 @@ from upright.support.files import digest, user_cache
 CHOICE = "UPRIGHT_GAZEBO"
 """Environment variable that names another private folder."""
 LIBRARY = "libupright_stepper.so"
-"""The plugin by which Python steps a world."""
+"""File name of the plugin that lets Python step a world."""
 INSTALL = "`upright gazebo install`"
 TRIPLET = "x86_64-linux-gnu"
-"""What Debian calls the machines that the packages are for."""
+"""Debian's name of the architecture that the packages are for."""
 
 
 class Installation(NamedTuple):
@@ -31,8 +31,8 @@ class Installation(NamedTuple):
     server: Path
     client: Path
     environment: dict[str, str]
-    """What its programs need in their environment. Nothing else may have it: an X server, for
-    instance, would take Gazebo's graphics libraries for its own."""
+    """Environment variables of its programs. Other programs must not have them: an X server, for
+    instance, would load Gazebo's graphics libraries."""
     plugin: Path
     version: str
 
@@ -43,17 +43,17 @@ class Program(NamedTuple):
     root: Path
     """The folder with `bin`, `lib` and `share`."""
     prefix: Path | None
-    """Where the packages are unpacked; None if the machine has a Gazebo of its own."""
+    """Folder that the packages are unpacked into; None if Gazebo is installed on the machine."""
     version: str
 
     @property
     def server(self) -> Path:
-        """Return its server."""
+        """Path of its server."""
         return self.root / "bin/gzserver"
 
     @property
     def plugin(self) -> Path:
-        """Return where its plugin lies once it is built, by what it is built from and for."""
+        """Path of its plugin once that is built, which depends on the plugin's sources."""
         origin = "unpacked" if self.prefix else "installed"
         return private_folder() / "plugin" / f"{_sources_digest()}-{origin}" / LIBRARY
 
@@ -65,11 +65,11 @@ def find_gazebo() -> Installation:
     Raises
     ------
     UprightError
-        If there is none, or its plugin is not built, or not from the present sources.
+        If there is none, or its plugin is not built, or was built from other sources.
     """
     program = find_program()
     if program is None:
-        raise UprightError(f"Gazebo 11 is missing; {INSTALL} brings it")
+        raise UprightError(f"Gazebo 11 is missing; {INSTALL} installs it")
     plugin = program.plugin
     if not plugin.is_file():
         others = plugin.parents[1].glob(f"*/{LIBRARY}")
@@ -85,26 +85,26 @@ def find_gazebo() -> Installation:
 
 
 def find_program() -> Program | None:
-    """Return the machine's own Gazebo 11, or else the unpacked one, or None."""
+    """Return the Gazebo 11 that is installed on the machine, or else the unpacked one, or None."""
     prefix = private_folder() / "prefix"
-    found = shutil.which("gzserver")
-    if found and prefix not in Path(found).parents:
-        version = version_of(Path(found), {})
+    server = shutil.which("gzserver")
+    if server and prefix not in Path(server).parents:
+        version = version_of(Path(server), {})
         if version.startswith("11."):
-            return Program(Path(found).parents[1], None, version)
+            return Program(Path(server).parents[1], None, version)
     if not complete_mark().exists():
         return None
     version = version_of(prefix / "usr/bin/gzserver", environment(prefix, None))
     if not version:
         raise UprightError(
             f"the Gazebo in {str(prefix)!r} does not run; `upright gazebo install --remove` and "
-            f"{INSTALL} bring it again"
+            f"{INSTALL} install it again"
         )
     return Program(prefix / "usr", prefix, version)
 
 
 def version_of(server: Path, additions: dict[str, str]) -> str:
-    """Return what a server calls its version, or nothing if it does not run."""
+    """Return the version that a server reports, or an empty string if it does not run."""
     try:
         done = subprocess.run(
             [server, "--version"],
@@ -117,12 +117,12 @@ def version_of(server: Path, additions: dict[str, str]) -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    found = re.search(r"version (\d+\.\d+\.\d+)", done.stdout)
-    return found[1] if found else ""  # its exit status is 255 even so
+    version = re.search(r"version (\d+\.\d+\.\d+)", done.stdout)
+    return version[1] if version else ""  # its exit status is 255 even if it succeeds
 
 
 def private_folder() -> Path:
-    """Return the folder for all that is brought and built; it need not exist yet."""
+    """Return the folder for downloaded packages and the plugin; it need not exist yet."""
     chosen = os.environ.get(CHOICE)
     return Path(chosen).expanduser().absolute() if chosen else user_cache() / "gazebo-11"
 
@@ -148,21 +148,21 @@ def environment(prefix: Path | None, plugins: Path | None) -> dict[str, str]:
     Parameters
     ----------
     prefix
-        Where its packages are unpacked; None for a Gazebo that is installed.
+        Folder that its packages are unpacked into; None if it is installed on the machine.
     plugins
-        The folder of our plugin, if it is built.
+        Folder of Upright's plugin; None if that is not built.
     """
     usr = (prefix or Path("/")) / "usr"
     own = usr / f"lib/{TRIPLET}/gazebo-11/plugins"
-    found = {
+    variables = {
         "GAZEBO_PLUGIN_PATH": _joined("GAZEBO_PLUGIN_PATH", *([plugins] if plugins else []), own),
-        "GAZEBO_MODEL_DATABASE_URI": "",  # nothing is fetched while it runs
+        "GAZEBO_MODEL_DATABASE_URI": "",  # download nothing at run time
     }
     if prefix is None:
-        return found
+        return variables
     libraries = usr / "lib" / TRIPLET
     share = usr / "share/gazebo-11"
-    return found | {
+    return variables | {
         "LD_LIBRARY_PATH": _joined(
             "LD_LIBRARY_PATH",
             libraries,
@@ -183,6 +183,6 @@ def environment(prefix: Path | None, plugins: Path | None) -> dict[str, str]:
 
 
 def _joined(variable: str, *folders: Path) -> str:
-    """Return a search path: these folders, and then those that the variable names already."""
-    given = os.environ.get(variable)
-    return os.pathsep.join([*map(str, folders), *([given] if given else [])])
+    """Return a search path: these folders, followed by the variable's present value."""
+    present = os.environ.get(variable)
+    return os.pathsep.join([*map(str, folders), *([present] if present else [])])

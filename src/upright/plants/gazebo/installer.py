@@ -1,9 +1,9 @@
-"""Bring Gazebo 11 onto a machine, without root, and build the plugin that steps it.
+"""Installs Gazebo 11 without root privileges, and builds the plugin that steps it.
 
-Debian 11 is the last Debian with Gazebo 11. Its packages are unpacked, not installed, into a
-private folder: apt, with a configuration of its own, chooses and downloads them, and checks them
-against Debian's signature; `dpkg-deb` unpacks them. Every step is skipped if it is done already, so
-that an installation that was interrupted goes on where it stopped.
+Debian 11 is the last Debian with Gazebo 11. Its packages are unpacked into a private folder: apt,
+with a separate configuration, selects and downloads them, and verifies them against Debian's
+signature; `dpkg-deb` unpacks them. Steps that are already done are skipped, so an interrupted
+installation resumes where it stopped.
 """
 
 import hashlib
@@ -36,10 +36,10 @@ from upright.plants.gazebo.installation import (
 )
 
 SUITE = "bullseye"
-"""Debian 11."""
+"""Debian's name of its version 11."""
 PROGRAMS = ("gazebo", "libgl1-mesa-dri")
-"""What is brought with all that it depends on: the simulator, and drawing without a graphics
-card."""
+"""Packages that are installed with their dependencies: the simulator, and drawing without a
+graphics card."""
 HEADERS = (
     "libgazebo-dev",
     "libsdformat-dev",
@@ -54,19 +54,20 @@ HEADERS = (
     "libtinyxml-dev",
     "libtinyxml2-dev",
 )
-"""What a plugin is compiled against, without what these depend on: that is twice as much, and
-nothing of it is included."""
+"""Packages that a plugin is compiled against. Their dependencies are left out: they are twice as
+large, and no header of theirs is included."""
 FROM_THE_MACHINE = ("libc6", "libgcc-s1", "libstdc++6")
-"""The machine's own are taken instead: at least as new, and what its compiler builds for."""
+"""Packages that are not installed. The machine's own libraries are used instead, because its
+compiler builds for them; they are at least as new."""
 DEBIAN = (
     *("bullseye", "bookworm", "trixie", "forky", "duke", "sid"),
     *("oldoldstable", "oldstable", "stable", "testing", "unstable"),
 )
 """Suites that only Debian's main archive has."""
 OURS = ("complete", "apt", "unpacked", "prefix", "plugin", "lock")
-"""What lies in the private folder; first what says that all is there."""
+"""Contents of the private folder, in the order of removal; "complete" marks it as complete."""
 SPARE = 200_000_000
-"""Bytes on the disk that are left alone, and in which apt's lists and the plugin find room."""
+"""Disk space that must remain free, which also holds apt's lists and the plugin [bytes]."""
 PACKAGED = {
     "apt-cache": "apt",
     "apt-get": "apt",
@@ -75,42 +76,42 @@ PACKAGED = {
     "dpkg-deb": "dpkg",
     "make": "make",
 }
-"""Which package of Debian or Ubuntu has a program."""
+"""The package of Debian or Ubuntu that contains each program."""
 
 
 class Package(NamedTuple):
-    """A package to be brought."""
+    """A package to install."""
 
     name: str
     file: str
     size: int
-    """Bytes to download."""
+    """Size of the download [bytes]."""
     unpacked: int
-    """Bytes on the disk."""
+    """Size on disk [bytes]."""
     sha256: str
 
 
 def install(mirror: str | None = None) -> Installation:
-    """Bring Gazebo 11, unless it is there, and build the plugin, unless it is built.
+    """Install Gazebo 11 and build the plugin, as far as either is missing.
 
     Parameters
     ----------
     mirror
-        Address of a mirror of Debian's archive; the machine's own if not given.
+        Address of a mirror of Debian's archive; by default the one that this machine uses.
 
     Raises
     ------
     UprightError
-        If that is not possible here.
+        If that is not possible on this machine.
     """
     if mirror is not None:
         check_mirror(mirror)
     with _alone():
         program = find_program()
         if program is None or not program.plugin.is_file():
-            require_programs("cmake", "make", "c++")  # rather now than after the download
+            require_programs("cmake", "make", "c++")  # before the download rather than after it
             if program is None:
-                bring(mirror or machine_mirror())
+                install_packages(mirror or machine_mirror())
                 program = find_program()
                 assert program is not None
             build(program)
@@ -119,12 +120,12 @@ def install(mirror: str | None = None) -> Installation:
 
 
 def remove() -> int:
-    """Remove all that was brought and built; return the bytes freed.
+    """Remove everything that was installed and built; return the bytes freed.
 
     Raises
     ------
     UprightError
-        If an installation is going on.
+        If an installation is in progress.
     """
     folder = private_folder()
     if not (folder / "lock").exists():
@@ -138,22 +139,24 @@ def remove() -> int:
             else:
                 path.unlink(missing_ok=True)
     with suppress(OSError):
-        folder.rmdir()  # fails if something else lies there, which then stays
+        folder.rmdir()  # fails if it contains other files, which are kept
     find_gazebo.cache_clear()
     return freed
 
 
 def _room_of(folder: Path) -> int:
-    """Return the bytes on the disk that a folder's files take; those with two names count once."""
+    """Return the disk space of a folder's files [bytes]; files with several names count once."""
     files = (path.lstat() for path in folder.rglob("*") if path.is_symlink() or path.is_file())
     return int(sum(file.st_blocks * 512 / file.st_nlink for file in files))
 
 
 @contextmanager
 def _alone() -> Iterator[None]:
-    """Refuse to work on the private folder while another process does."""
+    """Lock the private folder within the block, or refuse if another process has locked it."""
     if sys.platform != "linux":
-        raise UprightError(f"the system is {sys.platform!r}; Gazebo 11 is brought to Linux only")
+        raise UprightError(
+            f"the system is {sys.platform!r}; Gazebo 11 can be installed only on Linux"
+        )
     import fcntl
 
     folder = private_folder()
@@ -168,7 +171,7 @@ def _alone() -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise UprightError(f"another installation is at work in {str(folder)!r}") from None
+            raise UprightError(f"another installation is in progress in {str(folder)!r}") from None
         yield
 
 
@@ -182,13 +185,13 @@ def require_programs(*names: str) -> None:
         )
 
 
-def bring(mirror: str) -> None:
+def install_packages(mirror: str) -> None:
     """Download and unpack the packages.
 
     Raises
     ------
     UprightError
-        If a package cannot be had, or the disk has no room for it.
+        If a package cannot be downloaded, or the disk is too full.
     """
     if platform.machine() != "x86_64":
         raise UprightError(
@@ -212,16 +215,16 @@ def bring(mirror: str) -> None:
     apt.download(missing)
     unpack(fresh, apt.archives)
     complete_mark().touch()
-    shutil.rmtree(apt.folder)  # nothing of it is needed any more
+    shutil.rmtree(apt.folder)  # no longer needed
 
 
 def size(count: float) -> str:
-    """Return a number of bytes as people read it."""
+    """Return a number of bytes as text, in GB or MB."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"
 
 
 def check_room(needed: int) -> None:
-    """Raise UprightError unless the disk has room for so many bytes."""
+    """Raise UprightError unless the disk has room for this many bytes."""
     free = shutil.disk_usage(private_folder()).free
     if free < needed + SPARE:
         raise UprightError(
@@ -231,12 +234,12 @@ def check_room(needed: int) -> None:
 
 
 class Apt:
-    """apt with a configuration of its own, which leaves the machine's packages alone.
+    """apt with a separate configuration, which does not touch the machine's packages.
 
     Parameters
     ----------
     folder
-        Where it keeps its files.
+        The folder that it keeps its files in.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -246,7 +249,7 @@ class Apt:
     def configure(self, mirror: str) -> None:
         """Write the configuration.
 
-        The machine's own is read before it, so that its proxies and the like hold here too.
+        apt reads it after the machine's own, so that settings such as proxies apply here too.
         """
         (self.folder / "lists/partial").mkdir(parents=True, exist_ok=True)
         (self.archives / "partial").mkdir(parents=True, exist_ok=True)
@@ -284,25 +287,25 @@ Acquire::Retries "3";
 """)
 
     def update(self) -> None:
-        """Fetch the lists of packages."""
+        """Download the lists of packages."""
         try:
-            self._said("apt-get", "update")
+            self._output("apt-get", "update")
         except UprightError as error:
             keys = "" if find_keyring() else ", or apt-get install debian-archive-keyring"
             raise UprightError(
-                f"{error}; is there a network, and has the mirror Debian's suite {SUITE}? "
+                f"{error}; is the network up, and does the mirror have Debian's suite {SUITE}? "
                 f"--mirror names another{keys}"
             ) from None
 
     def plan(self) -> list[Package]:
-        """Return the packages to be brought."""
-        steps = self._said("apt-get", "install", "--simulate", *PROGRAMS)
+        """Return the packages to install."""
+        steps = self._output("apt-get", "install", "--simulate", *PROGRAMS)
         names = [*parse_names(steps), *HEADERS]
-        wanted = [name for name in names if name not in FROM_THE_MACHINE]
-        return parse_packages(self._said("apt-cache", "show", "--no-all-versions", *wanted))
+        packages = [name for name in names if name not in FROM_THE_MACHINE]
+        return parse_packages(self._output("apt-cache", "show", "--no-all-versions", *packages))
 
     def has(self, package: Package) -> bool:
-        """Whether a package is downloaded, whole and right, or unpacked already."""
+        """Whether a package is downloaded completely and correctly, or already unpacked."""
         if _unpacked_mark(package).exists():
             return True
         path = self.archives / package.file
@@ -312,7 +315,7 @@ Acquire::Retries "3";
             return hashlib.file_digest(file, "sha256").hexdigest() == package.sha256
 
     def download(self, packages: Iterable[Package]) -> None:
-        """Download packages; apt goes on with those of which a part is there, and checks all."""
+        """Download packages; apt resumes partial downloads and verifies all of them."""
         packages = list(packages)
         if not packages:
             return
@@ -322,13 +325,13 @@ Acquire::Retries "3";
             _bar(
                 "downloading", sum(package.size for package in packages), DownloadColumn()
             ) as show,
-            tempfile.TemporaryFile("w+") as said,
+            tempfile.TemporaryFile("w+") as output,
             subprocess.Popen(
                 command,
                 cwd=self.archives,
                 env=_english(),
                 stdin=subprocess.DEVNULL,
-                stdout=said,
+                stdout=output,
                 stderr=subprocess.STDOUT,
             ) as process,
         ):
@@ -338,23 +341,23 @@ Acquire::Retries "3";
                     time.sleep(0.2)
             finally:
                 process.terminate()
-            said.seek(0)
-            _check(command, process.returncode, said.read())
+            output.seek(0)
+            _check(command, process.returncode, output.read())
 
     def _command(self, program: str, *arguments: str) -> list[str]:
         return [program, "--config-file", str(self.folder / "apt.conf"), "--quiet", *arguments]
 
-    def _said(self, program: str, *arguments: str) -> str:
+    def _output(self, program: str, *arguments: str) -> str:
         return _run(self._command(program, *arguments))
 
 
 def _english() -> dict[str, str]:
-    """Return an environment in which programs say what `parse_names` and `reason` understand."""
+    """Return an environment in which programs print English, for `parse_names` and `reason`."""
     return os.environ | {"LC_ALL": "C"}
 
 
 def _run(command: list[str]) -> str:
-    """Run a program and return what it printed; if it fails, raise an error with its reason."""
+    """Run a program and return its output; if it fails, raise an error with the reason."""
     done = subprocess.run(
         command,
         env=_english(),
@@ -367,25 +370,25 @@ def _run(command: list[str]) -> str:
     return done.stdout
 
 
-def _check(command: list[str], status: int, said: str) -> None:
+def _check(command: list[str], status: int, output: str) -> None:
     if status != 0:
-        raise UprightError(f"{command[0]} ended with status {status}; it said: {reason(said)}")
+        raise UprightError(f"{command[0]} exited with status {status}: {reason(output)}")
 
 
-def reason(said: str) -> str:
-    """Return the line that tells why a program failed: its first error, or else its last line."""
-    lines = [line.strip() for line in said.splitlines() if line.strip()] or ["nothing"]
+def reason(output: str) -> str:
+    """Return the line that explains why a program failed: its first error, or its last line."""
+    lines = [line.strip() for line in output.splitlines() if line.strip()] or ["no output"]
     errors = [line for line in lines if re.search(r"^E: |\berror\b", line, re.IGNORECASE)]
     return (errors or lines[-1:])[0]
 
 
 def parse_names(steps: str) -> list[str]:
-    """Return the names of the packages that apt would install, from what it says of the steps."""
+    """Return the names of the packages that apt would install, from the steps that it prints."""
     return re.findall(r"^Inst (\S+) ", steps, re.MULTILINE)
 
 
 def parse_packages(stanzas: str) -> list[Package]:
-    """Return the packages of which apt tells everything."""
+    """Return the packages that the output of `apt-cache show` describes."""
     return [
         Package(
             fields["package"],
@@ -402,9 +405,9 @@ def parse_packages(stanzas: str) -> list[Package]:
 
 
 def parse_stanzas(text: str) -> list[dict[str, str]]:
-    """Return the fields of each stanza of a text in Debian's format, by their names in lower case.
+    """Return the fields of each stanza of a text in Debian's format, by lower-case name.
 
-    Lines that continue a field are added to it.
+    Continuation lines are appended to their field.
     """
     stanzas: list[dict[str, str]] = []
     for block in re.split(r"\n\s*\n", re.sub(r"^#.*\n?", "", text, flags=re.MULTILINE)):
@@ -423,7 +426,7 @@ def parse_stanzas(text: str) -> list[dict[str, str]]:
 
 
 def unpack(packages: Iterable[Package], archives: Path) -> None:
-    """Unpack packages, and mark each so that it is not unpacked again.
+    """Unpack packages, and mark each as unpacked so that it is not unpacked again.
 
     Raises
     ------
@@ -449,7 +452,7 @@ def _unpacked_mark(package: Package) -> Path:
 def _bar(
     text: str, total: int, column: DownloadColumn | MofNCompleteColumn
 ) -> Iterator[Callable[[int], None]]:
-    """Show a bar, and yield what moves it on."""
+    """Show a progress bar within the block, and yield the function that updates it."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), column)
     with Progress(
@@ -460,12 +463,12 @@ def _bar(
 
 
 def find_keyring() -> Path | None:
-    """Return the file with Debian's keys, or None if apt is left to its own keys."""
+    """Return the file with Debian's keys; None if apt has to rely on its own keys."""
     return next(iter(sorted(Path("/usr/share/keyrings").glob("debian-archive-keyring.*"))), None)
 
 
 def check_mirror(mirror: str) -> None:
-    """Raise UprightError unless this is an address that apt can fetch from."""
+    """Raise UprightError unless this is an address that apt can download from."""
     if not re.fullmatch(r"(https?|ftp|file)://[^\s\[\]\"]+", mirror):
         raise UprightError(
             f"mirror is {mirror!r}; it must be the address of a mirror of Debian's archive, "
@@ -474,22 +477,22 @@ def check_mirror(mirror: str) -> None:
 
 
 def machine_mirror(folder: Path = Path("/etc/apt")) -> str:
-    """Return the mirror of Debian's main archive that this machine's own apt uses.
+    """Return the mirror of Debian's main archive that this machine's apt uses.
 
     Raises
     ------
     UprightError
-        If it uses none.
+        If it does not use one.
     """
     parts = folder / "sources.list.d"
     for path in (folder / "sources.list", *sorted(parts.glob("*.list")), *parts.glob("*.sources")):
         if path.is_file():
             text = path.read_text(errors="replace")
-            found = mirrors_in_sources(text) if path.suffix == ".sources" else mirrors_in_list(text)
-            if found:
-                return found[0]
+            parse = mirrors_in_sources if path.suffix == ".sources" else mirrors_in_list
+            if mirrors := parse(text):
+                return mirrors[0]
     raise UprightError(
-        "this machine's apt has no mirror of Debian's archive; name one by --mirror, which must "
+        "this machine's apt has no mirror of Debian's archive; name one with --mirror, which must "
         f"have Debian's suite {SUITE}"
     )
 
@@ -507,7 +510,7 @@ def mirrors_in_list(text: str) -> list[str]:
 
 
 def mirrors_in_sources(text: str) -> list[str]:
-    """Return the mirrors of Debian's main archive in a file of apt's stanzas."""
+    """Return the mirrors of Debian's main archive in a file of apt's deb822 format."""
     return [
         address
         for fields in parse_stanzas(text)
@@ -528,11 +531,11 @@ def build(program: Program) -> None:
         If its sources or Gazebo's headers are missing, or it does not compile.
     """
     if not (sources() / "CMakeLists.txt").is_file():
-        raise UprightError(f"folder is {str(sources())!r}; it lacks the plugin's sources")
+        raise UprightError(f"folder is {str(sources())!r}; the plugin's sources are not in it")
     if not (program.root / "include/gazebo-11").is_dir():
         raise UprightError(
             "the headers of this machine's Gazebo 11 are missing: apt-get install libgazebo-dev "
-            "(libgazebo11-dev, if Gazebo's makers packaged it)"
+            "(libgazebo11-dev if the packages are those of the Gazebo project)"
         )
     print("building the plugin", flush=True)
     plugin = program.plugin

@@ -1,8 +1,8 @@
-"""The cart-pole in Gazebo 11, behind the same contract as the equations.
+"""The cart-pole in Gazebo 11.
 
-Gazebo loads the one URDF and makes so many physics steps as make up a control period, in lock-step
-with the learner. A server that dies is started again and put into the state that it had, which four
-numbers are, so that a trial goes on where it was.
+Gazebo loads the one URDF and makes the physics steps of each control period in lock-step with the
+learner. If the server dies, another is started and put into the last state, which is four numbers,
+so that the trial continues.
 """
 
 import sys
@@ -22,11 +22,11 @@ from upright.plants.gazebo.server import RESET, STEP, Server, ServerGoneError
 from upright.plants.settings import RunContext, count_steps
 
 ENGINES = ("dart", "ode")
-"""Gazebo's engines that were compared with the equations."""
+"""Those of Gazebo's physics engines that were compared with the equations."""
 ODE_STEP = 0.001
-"""The longest time step that ODE is right with [s]."""
+"""The longest time step with which ODE is accurate [s]."""
 RESTARTS = 3
-"""How often a server is started again for the same step."""
+"""Maximum number of times that the server is restarted in the same step."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,17 @@ class Gazebo:
     engine: str = "dart"
     """The physics engine: dart or ode."""
     physics_step: float = 0.001
-    """Gazebo's time step [s]; a whole number of them must make up the time between two pushes."""
+    """Gazebo's time step [s]; the time between two pushes must be a multiple of it."""
     gui: bool = False
-    """Whether a window shows the cart-pole as it moves."""
+    """Whether to show the cart-pole in Gazebo's window."""
     real_time_factor: float = 0.0
-    """How many times as fast as real time it moves at most; 0: as fast as it can."""
+    """Highest speed relative to real time; 0: no limit."""
 
     name: ClassVar[str] = "gazebo"
     alone: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Refuse impossible settings, and those that are known to be wrong."""
+        """Refuse impossible settings, and those that are known to be inaccurate."""
         require_one_of("engine", self.engine, ENGINES)
         require("physics_step", self.physics_step, 0, above=True)
         require("real_time_factor", self.real_time_factor, 0)
@@ -62,7 +62,8 @@ class Gazebo:
         Raises
         ------
         UprightError
-            If Gazebo is missing or does not start, or the time steps do not fit.
+            If Gazebo is missing or does not start, or the time step is not a multiple of the
+            physics step.
         """
         parameters = check_parameters(context.task.parameters)
         return GazeboCart(self, parameters, context.stop), context.task
@@ -78,23 +79,24 @@ class GazeboCart:
     Parameters
     ----------
     settings
-        How it is made.
+        Settings of the plant.
     parameters
-        Of the plant.
+        Parameters of the plant.
     stop
-        Shape (1,), bool. Once it is set, there is no further step.
+        Shape (1,), bool. Once it is set, no further step is made.
 
     Raises
     ------
     UprightError
-        If Gazebo is missing or does not start, or the time steps do not fit.
+        If Gazebo is missing or does not start, or the time step is not a multiple of the physics
+        step.
     """
 
     def __init__(self, settings: Gazebo, parameters: Parameters, stop: np.ndarray) -> None:
         self._settings, self._parameters, self._stop = settings, parameters, stop
         self._steps = count_steps(settings.physics_step, parameters.time_step)
         self._state = State(0.0, 0.0, 0.0, 0.0)
-        self._due = 0.0  # when the next step is, if it is not as soon as it can be [s]
+        self._due = 0.0  # time of the next step, if the speed is limited [s]
         self._server = self._start()
 
     def reset(self, state: State) -> State:
@@ -103,12 +105,12 @@ class GazeboCart:
         return self._ask(RESET, 0, state)
 
     def step(self, force: float) -> State:
-        """Apply a force [N] for one time step and return the state then.
+        """Apply a force [N] for one time step and return the next state.
 
         Raises
         ------
         UprightError
-            If the server dies again and again.
+            If the server keeps dying.
         Stopped
             If the run was stopped.
         """
@@ -119,11 +121,11 @@ class GazeboCart:
         return self._ask(STEP, self._steps, State(force, 0.0, 0.0, 0.0))
 
     def has_fallen(self, state: State) -> bool:
-        """Whether a state is beyond the limits."""
+        """Whether the pole or the cart has left its limits."""
         return bool(has_fallen(self._parameters, state))
 
     def close(self) -> None:
-        """End Gazebo."""
+        """Terminate Gazebo."""
         self._server.close()
 
     def _start(self) -> Server:
@@ -133,13 +135,13 @@ class GazeboCart:
         )
 
     def _wait(self) -> None:
-        """Wait until a time step has passed since the last one was due."""
+        """Wait until the next step is due."""
         time.sleep(max(0.0, self._due - time.monotonic()))
         period = self._parameters.time_step / self._settings.real_time_factor
         self._due = max(self._due, time.monotonic()) + period
 
     def _ask(self, kind: int, steps: int, values: State) -> State:
-        """Have a request done, by a new server in the same state if the old one died."""
+        """Send a request and return the answer; if the server has died, restart it in its state."""
         for attempt in range(1 + RESTARTS):
             try:
                 if attempt:
@@ -149,7 +151,7 @@ class GazeboCart:
                 self._state = self._server.ask(kind, steps, values)
                 return self._state
             except ServerGoneError as gone:
-                print(f"upright: {gone}; it is started again", file=sys.stderr)
+                print(f"upright: {gone}; restarting it", file=sys.stderr)
         raise UprightError(f"gzserver died {1 + RESTARTS} times in the same step")
 
 

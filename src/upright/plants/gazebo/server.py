@@ -1,4 +1,4 @@
-"""A Gazebo server for one cart-pole, that moves when it is told to (`gazebo/stepper.cc`)."""
+"""A Gazebo server for one cart-pole, which steps on request (`plugin/stepper.cc`)."""
 
 import os
 import re
@@ -22,13 +22,13 @@ from upright.support.processes import end_process, share_core
 
 STEP, RESET = 0, 1
 REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
-"""As the plugin has them: kind, physics steps and values; a state."""
+"""The plugin's messages. Request: kind, number of physics steps, values. Answer: a state."""
 STARTING = 60.0
 """How long a server may take to start [s]."""
 ANSWERING = 10.0
-"""How long it may take to answer [s]."""
+"""How long a server may take to answer [s]."""
 POLL = 0.1
-"""How often to look whether a start was given up, and how long to let it end by itself [s]."""
+"""Interval of checks during a start, and how long a server may take to exit by itself [s]."""
 WINDOW = """\
 [geometry]
 x=0
@@ -36,33 +36,32 @@ y=0
 width=1280
 height=720
 """
-"""Place and size of gzclient's window [pixels]."""
-
-
+"""Position and size of gzclient's window [pixels]."""
 _numbers = count(os.getpid())
+"""Numbers that distribute servers over the cores."""
 
 
 class ServerGoneError(Exception):
-    """The server ended, or does not answer."""
+    """The server has exited, or does not answer."""
 
 
 class Server:
-    """A process of gzserver, and the socket by which it is moved.
+    """A gzserver process, and the socket over which it is stepped.
 
-    Server and thread stay on one core, until the same thread closes the server.
+    The server and the calling thread are pinned to one core until that thread closes the server.
 
     Parameters
     ----------
     parameters
-        Of the plant.
+        Parameters of the plant.
     engine
         Name of Gazebo's physics engine.
     physics_step
         Its time step [s].
     gui
-        Whether gzclient shows what happens.
+        Whether to show the cart-pole in gzclient.
     stop
-        Shape (1,), bool. Once it is set, a start is given up by raising Stopped.
+        Shape (1,), bool. Once it is set, starting is aborted by raising Stopped.
 
     Raises
     ------
@@ -82,10 +81,10 @@ class Server:
         if gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise UprightError(
                 "there is no display for Gazebo's window (DISPLAY is not set); `upright gazebo "
-                "view POLICY --screenshot FILE.png` makes a picture without one"
+                "view POLICY --screenshot FILE.png` takes a picture without one"
             )
         with ExitStack() as opened:
-            if not gui:  # to draw takes a core of its own
+            if not gui:  # drawing needs a core of its own
                 opened.enter_context(share_core(next(_numbers)))
             folder = Path(tempfile.mkdtemp(prefix="upright-gazebo-"))
             opened.callback(rmtree, folder, ignore_errors=True)
@@ -94,13 +93,13 @@ class Server:
             try:
                 listener.bind(str(address))
             except OSError as error:
-                raise UprightError(f"no socket can be made at {address}: {error}") from error
+                raise UprightError(f"a socket cannot be created at {address}: {error}") from error
             listener.listen(1)
             listener.settimeout(POLL)
             world = write_world(folder, parameters, engine, physics_step)
             self._log = folder / "log.txt"
             self._environment = _environment(gazebo.environment, folder)
-            # Else it wakes a thread in each physics step, to tell of contacts to nobody.
+            # Otherwise each physics step wakes a thread that publishes contacts to no subscriber.
             quiet = [] if gui else ["--minimal_comms"]
             self._process = self._start([str(gazebo.server), "--verbose", *quiet, str(world)])
             opened.callback(_end, self._process)
@@ -111,12 +110,21 @@ class Server:
             self._closing = opened.pop_all()
 
     def ask(self, kind: int, steps: int, values: State) -> State:
-        """Have a request done, and return the state then.
+        """Send a request, and return the state after it was carried out.
+
+        Parameters
+        ----------
+        kind
+            STEP or RESET.
+        steps
+            Number of physics steps to make.
+        values
+            The force [N] in the first field for STEP; the state for RESET.
 
         Raises
         ------
         ServerGoneError
-            If it is not done.
+            If the server has exited, or does not answer.
         """
         try:
             self._socket.sendall(REQUEST.pack(kind, steps, *values))
@@ -124,15 +132,15 @@ class Server:
         except OSError as error:
             raise ServerGoneError(f"gzserver does not answer: {error}") from error
         if len(answer) < ANSWER.size:
-            raise ServerGoneError("gzserver has ended")
+            raise ServerGoneError("gzserver has exited")
         return State(*ANSWER.unpack(answer))
 
     def close(self) -> None:
-        """End the server, and remove its files."""
+        """Terminate the server, and remove its files."""
         self._closing.close()
 
     def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
-        """Start a program, out of reach of a Ctrl-C meant for this one."""
+        """Start a program in its own session, so that Ctrl-C reaches only this program."""
         with self._log.open("ab") as log:
             return subprocess.Popen(
                 command,
@@ -152,31 +160,32 @@ class Server:
             if stop[0]:
                 raise Stopped
             if self._process.poll() is not None:
-                raise UprightError(f"gzserver ended as it started{self._last_words()}")
+                raise UprightError(f"gzserver exited while starting{self._last_words()}")
         raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")
 
     def _last_words(self) -> str:
-        """Return the errors that the log ends with, or else its last line."""
+        """Return the last error in the log, or else its last line."""
         text = re.sub(r"\x1b\[[0-9;]*m", "", self._log.read_text(errors="replace"))  # colours
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         errors = [line for line in lines if "[Err]" in line or "rror" in line]
         return "".join(f": {line}" for line in (errors or lines)[-1:])
 
 
-def _environment(given: dict[str, str], folder: Path) -> dict[str, str]:
-    """Return the environment of a server, which has a port and models of its own."""
+def _environment(gazebo: dict[str, str], folder: Path) -> dict[str, str]:
+    """Return the environment of a server, which has its own port and models."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    models = os.pathsep.join(filter(None, [str(folder / "models"), given.get("GAZEBO_MODEL_PATH")]))
+    others = gazebo.get("GAZEBO_MODEL_PATH")
+    models = os.pathsep.join(filter(None, [str(folder / "models"), others]))
     own = {"GAZEBO_MASTER_URI": f"http://127.0.0.1:{port}", "GAZEBO_IP": "127.0.0.1"}
     (folder / "gui.ini").write_text(WINDOW, encoding="utf-8")
     own |= {"GAZEBO_MODEL_PATH": models, "GAZEBO_GUI_INI_FILE": str(folder / "gui.ini")}
-    return os.environ | given | own
+    return os.environ | gazebo | own
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
-    """End a process; the server ends by itself once its socket is closed."""
+    """Wait for a process, and terminate it; a server exits by itself once its socket is closed."""
     with suppress(subprocess.TimeoutExpired):
         process.wait(POLL)
     end_process(process)

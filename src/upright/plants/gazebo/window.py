@@ -1,4 +1,4 @@
-"""A policy that balances in Gazebo's window, and a picture of it where there is no display."""
+"""Takes pictures of Gazebo's window on a machine without a display."""
 
 import os
 import shutil
@@ -19,19 +19,19 @@ from upright.support.files import replacing
 from upright.support.processes import end_process
 
 SCREEN = "Xvfb_screen0"
-"""The file in which Xvfb keeps what is on its screen, as an X window dump."""
+"""The file that Xvfb writes the contents of its screen to, as an X window dump."""
 SIZE = (1280, 720)
-"""Of that screen [pixels]."""
+"""Size of that screen [pixels]."""
 WINDOW = 60.0
-"""How long Gazebo's window may take to show something [s]."""
+"""How long Gazebo's window may take to show the cart-pole [s]."""
 SETTLED = 2.0
-"""How long after that the picture is taken [s]."""
+"""Delay from then until the picture is taken [s]."""
 COLOURFUL = 1_000
-"""Pixels of bright colour that show that the cart-pole is drawn: the window's own are fewer."""
+"""Bright pixels by which the cart-pole is recognised; Gazebo's window without it has fewer."""
 
 
 def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
-    """Write a picture of Gazebo's window while the cart-pole moves in it, on a display of its own.
+    """Write a picture of Gazebo's window while the cart-pole moves in it, on a virtual display.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
         Starts Gazebo with its window and moves the cart-pole, until it is done or its argument, an
         array of one bool, is set.
     path
-        Where the picture is written.
+        Path of the picture, a PNG.
 
     Raises
     ------
     UprightError
-        If Xvfb is missing, or nothing is shown.
+        If Xvfb is missing, or the window never shows the cart-pole.
     """
     stop = np.zeros(1, np.bool_)
     with _screen() as screen, ThreadPoolExecutor(1) as thread:
@@ -59,7 +59,7 @@ def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
 
 
 def _wait_for_picture(screen: Path, playing: Future[Any]) -> np.ndarray:
-    """Return what is on the screen once the cart-pole is there."""
+    """Return the pixels of the screen once the cart-pole is shown."""
     until = time.monotonic() + WINDOW
     while time.monotonic() < until and not playing.done():
         pixels = _read_dump(screen.read_bytes()).astype(np.int16)
@@ -69,15 +69,15 @@ def _wait_for_picture(screen: Path, playing: Future[Any]) -> np.ndarray:
         time.sleep(0.2)
     if playing.done():
         playing.result()  # raises what went wrong
-    raise UprightError("Gazebo's window showed nothing before the playing ended")
+    raise UprightError("Gazebo's window did not show the cart-pole in time")
 
 
 @contextmanager
 def _screen() -> Iterator[Path]:
-    """Provide a display without a screen; give the file that holds what would be on it."""
+    """Provide a virtual display within the block; yield the file that holds its contents."""
     program = shutil.which("Xvfb")
     if not program:
-        raise UprightError("Xvfb is missing, the display without a screen; install package xvfb")
+        raise UprightError("Xvfb, the virtual display, is missing; install the package xvfb")
     with tempfile.TemporaryDirectory(prefix="upright-screen-") as folder:
         read, write = os.pipe()
         size = "x".join(map(str, (*SIZE, 24)))
@@ -85,20 +85,20 @@ def _screen() -> Iterator[Path]:
         quiet = subprocess.DEVNULL
         server = subprocess.Popen(command, pass_fds=[write], stdout=quiet, stderr=quiet)
         os.close(write)
-        before = os.environ.get("DISPLAY")
+        previous = os.environ.get("DISPLAY")
         try:
-            with os.fdopen(read) as told:
-                os.environ["DISPLAY"] = f":{told.readline().strip()}"
+            with os.fdopen(read) as number:
+                os.environ["DISPLAY"] = f":{number.readline().strip()}"
             yield Path(folder) / SCREEN
         finally:
             os.environ.pop("DISPLAY")
-            if before is not None:
-                os.environ["DISPLAY"] = before
+            if previous is not None:
+                os.environ["DISPLAY"] = previous
             end_process(server)
 
 
 def _read_dump(dump: bytes) -> np.ndarray:
-    """Return the pixels of an X window dump of 32 bits a pixel, shape (height, width, 3), uint8."""
+    """Return the pixels of a 32-bit X window dump, shape (height, width, 3), uint8."""
     header = struct.unpack(">25I", dump[:100])
     size, width, height, row, colours = (header[field] for field in (0, 4, 5, 12, 19))
     start = size + 12 * colours

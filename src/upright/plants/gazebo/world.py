@@ -1,4 +1,4 @@
-"""The files that describe the cart-pole and its surroundings to Gazebo, old and modern."""
+"""Writes the files that describe the cart-pole and its surroundings to Gazebo."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,10 +15,10 @@ CONFIG = """\
   <sdf>cartpole.urdf</sdf>
 </model>
 """
-"""What makes a folder with a URDF a model of Gazebo."""
+"""The file that turns a folder with a URDF into a model for Gazebo."""
 
 STEPPER = {"name": "stepper", "filename": "libupright_stepper.so"}
-"""The plugin of Gazebo 11, `gazebo/stepper.cc`."""
+"""The plugin for Gazebo 11, `plugin/stepper.cc`."""
 
 
 def write_world(
@@ -33,15 +33,15 @@ def write_world(
     Parameters
     ----------
     folder
-        Where; its folder `models` is to be among those in which Gazebo looks for models.
+        The folder; its subfolder `models` must be on the path on which Gazebo looks for models.
     parameters
-        Of the plant.
+        Parameters of the plant.
     engine
         Name of the physics engine.
     physics_step
         Its time step [s].
     system
-        Attributes of the plugin by which the world moves.
+        Attributes of the plugin that steps the world.
     """
     _write_model(folder / "models" / "cartpole", parameters)
     tree = ElementTree.parse(sources() / "cartpole.world")
@@ -56,7 +56,7 @@ def write_world(
 
 
 def _write_model(folder: Path, parameters: Parameters) -> None:
-    """Write the URDF with its colours as Gazebo knows them, which leaves out those of URDFs."""
+    """Write the URDF as a model, with its colours in Gazebo's own format: it ignores the URDF's."""
     folder.mkdir(parents=True)
     (folder / "model.config").write_text(CONFIG, encoding="utf-8")
     robot = ElementTree.fromstring(urdf.text(parameters))

@@ -1,1 +1,1 @@
-"""A cart behind ROS 2's topics, simulated or real."""
+"""A cart on ROS 2 topics, simulated or real."""

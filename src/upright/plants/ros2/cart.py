@@ -1,4 +1,4 @@
-"""A cart behind ROS 2's topics, as a plant: the learner's side."""
+"""The learner's side of a cart on ROS 2 topics: a plant."""
 
 import math
 import time
@@ -33,27 +33,27 @@ from upright.plants.ros2.topics import (
 )
 
 ATTEMPTS = 3
-"""How often a reset is asked for whose measurement does not arrive: a connection may be new."""
+"""Number of times that a reset is requested; on a new connection its measurement may be lost."""
 ACKNOWLEDGED = Duration(seconds=0.2)
-"""How long to wait until the last command has arrived."""
+"""How long to wait for the last command to be acknowledged."""
 
 
 class Cart:
-    """A plant behind topics.
+    """A plant that is commanded and measured over topics.
 
     Parameters
     ----------
     node
-        Whose topics are used.
+        The node that has the topics.
     waiting
-        How long to wait for it.
+        How long to wait for the cart.
     parameters
-        The greatest force, the time step, and the limits for a cart that has no status.
+        The greatest force, the time step, and the limits for a cart that publishes no status.
     stop
-        Shape (1,), bool. Once it is set, no step is made any more.
+        Shape (1,), bool. Once it is set, no further step is made.
     simulated
-        Parameters that the simulator is to have, for it is one, and can be put into any state; None
-        for a cart that starts where it does.
+        Parameters to set on the simulator's node. None for a cart that is not a simulator, and so
+        cannot be put into a given state.
 
     Raises
     ------
@@ -70,19 +70,19 @@ class Cart:
         simulated: ParameterValues | None = None,
     ) -> None:
         self.missed = 0
-        """Periods that passed without a command of their own; in lock-step there are none."""
+        """Number of control periods without a new command; always 0 in lock-step."""
         self.closing = ExitStack()
-        """What else to close with the cart."""
+        """Resources that are closed with the cart."""
         self._node, self._waiting, self._parameters = node, waiting, parameters
         self._stop, self._simulated = stop, simulated is not None
         self._state = State(math.nan, math.nan, math.nan, math.nan)
-        self._stamp = -1  # of the newest measurement [ns]
-        self._since = -1  # of the newest one before the trial
+        self._stamp = -1  # time stamp of the newest measurement [ns]
+        self._since = -1  # time stamp of the last measurement before the trial [ns]
         self._has_status, self._done, self._fault = False, True, ""
         self._joints = Joints()
         self._command = Float64MultiArray(data=[0.0])
         self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
-        # The status first: of two that have a message, some executors turn to the first.
+        # Status comes first: if two subscriptions are ready, some executors serve the first.
         node.create_subscription(String, STATUS, self._on_status, QOS)
         node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD, raw=True)
         self._reset = node.create_client(Trigger, RESET)
@@ -94,12 +94,12 @@ class Cart:
             self._set_parameters(simulated)
 
     def reset(self, state: State) -> State:
-        """Start a trial, of a simulator in `state`; return what is measured then.
+        """Start a trial, in `state` if the cart is a simulator; return the first measurement.
 
         Raises
         ------
         UprightError
-            If the cart does not answer, or refuses, or is not alone.
+            If the cart does not answer or refuses, or there are several carts.
         Stopped
             If the run was stopped.
         """
@@ -120,11 +120,11 @@ class Cart:
                 self._since = self._stamp
             if self._spin(self._has_begun, self._waiting.watchdog):
                 return self._state
-        raise UprightError(f"the cart was reset, but no {JOINT_STATES} came")
+        raise UprightError(f"the cart was reset, but no {JOINT_STATES} arrived")
 
     def _has_begun(self) -> bool:
         if self._node.count_publishers(STATUS) and not self._has_status:
-            return False  # the connection is new, and its first word was missed
+            return False  # the connection is new, and the first status was missed
         return self._stamp > self._since and not (self._has_status and self._done)
 
     def step(self, force: float) -> State:
@@ -133,25 +133,27 @@ class Cart:
         Raises
         ------
         UprightError
-            If the force is beyond the limit, measurements cease, or the cart reports a fault.
+            If the force exceeds the limit, measurements stop arriving, or the cart reports a fault.
         Stopped
             If the run was stopped.
         """
         if not abs(force) <= self._parameters.force:
             raise UprightError(f"force is {force!r}; it must be within ±{self._parameters.force} N")
-        before = self._stamp
+        previous = self._stamp
         self._send(force)
         watchdog = self._waiting.watchdog
-        if not self._spin(lambda: self._stamp > before, watchdog):
-            raise UprightError(f"no {JOINT_STATES} came for {watchdog:g} s; the cart was stopped")
-        periods = (self._stamp - before) * 1e-9 / self._parameters.time_step
+        if not self._spin(lambda: self._stamp > previous, watchdog):
+            raise UprightError(
+                f"no {JOINT_STATES} arrived for {watchdog:g} s; the cart was stopped"
+            )
+        periods = (self._stamp - previous) * 1e-9 / self._parameters.time_step
         self.missed += max(0, round(periods) - 1)
         if not self._has_status and self.has_fallen(self._state):
-            self._send(0.0)  # a cart that does not tell that it is done may not have stopped
+            self._send(0.0)  # a cart without a status may not have stopped by itself
         return self._state
 
     def has_fallen(self, state: State) -> bool:
-        """Whether the cart says so; of one that says nothing, whether `state` is beyond limits."""
+        """Whether the cart's status is not Balancing; without a status, whether it left limits."""
         return self._done if self._has_status else has_fallen(self._parameters, state)
 
     def close(self) -> None:
@@ -163,16 +165,16 @@ class Cart:
         self.closing.close()
 
     def _find(self) -> None:
-        """Wait until all of the cart's topics and services are there."""
+        """Wait until all of the cart's topics and services are available."""
 
         def missing() -> list[str]:
-            found = {
+            availability = {
                 f"topic {JOINT_STATES}": self._node.count_publishers(JOINT_STATES),
                 f"topic {EFFORT}": self._commands.get_subscription_count(),
                 f"service {RESET}": self._reset.service_is_ready(),
                 f"node {SIMULATOR}": not self._simulated or self._set.service_is_ready(),
             }
-            return [name for name, there in found.items() if not there]
+            return [name for name, available in availability.items() if not available]
 
         if not self._spin(lambda: not missing(), self._waiting.patience, poll=0.01):
             raise UprightError(
@@ -203,7 +205,7 @@ class Cart:
         self._commands.publish(self._command)
 
     def _spin(self, ready: Callable[[], bool], seconds: float, poll: float = POLL) -> bool:
-        """Handle messages until something is ready. Return whether it is, in that time."""
+        """Handle messages until `ready` returns True or the time is over; return which."""
         until = time.monotonic() + seconds
         while not ready():
             left = until - time.monotonic()
@@ -243,12 +245,12 @@ class Cart:
 def open_cart(
     waiting: Waiting, parameters: Parameters, stop: np.ndarray, simulated: ParameterValues
 ) -> Cart:
-    """Return a simulator's cart on a node of its own, which closes with it.
+    """Return a simulator's cart on a new node, which is closed with the cart.
 
     Raises
     ------
     UprightError
-        If there is none.
+        If no simulator is found.
     """
     with ExitStack() as opened:
         node = opened.enter_context(new_node("learner", {}, []))

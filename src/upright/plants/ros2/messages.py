@@ -1,9 +1,10 @@
-"""Reads the numbers out of messages as they arrive, serialised.
+"""Reads numbers directly from serialised messages.
 
-rclpy makes Python objects of whole messages, of which a control step needs six numbers; that would
-take a sixth of the step. So it is asked for the first message of a form alone. ROS 2 sends messages
-in the Common Data Representation (CDR; OMG, DDS Interoperability Wire Protocol 2.3, 10): after a
-header of four bytes, each number is aligned to its size, and a count goes before whatever varies.
+rclpy turns whole messages into Python objects, although a control step needs only six numbers; that
+would take a sixth of the step. Therefore rclpy deserialises only the first message of each layout.
+ROS 2 sends messages in the Common Data Representation (CDR; OMG, DDS Interoperability Wire Protocol
+2.3, 10): after a header of four bytes, each number is aligned to its size, and whatever varies in
+length is preceded by a count.
 """
 
 import struct
@@ -17,10 +18,10 @@ from upright.errors import UprightError
 from upright.plants.urdf import HINGE, SLIDER
 
 HEADER = b"\x00\x01"
-"""How a message begins that is CDR in the order of bytes that nearly all machines have."""
+"""First bytes of a message that is CDR in little-endian byte order."""
 COUNT, NUMBER, STAMP = struct.Struct("<I"), struct.Struct("<d"), struct.Struct("<iI")
 ONE_NUMBER = COUNT.pack(0) + COUNT.pack(0) + COUNT.pack(1)
-"""A Float64MultiArray's layout without dimensions or offset, and the count of its numbers."""
+"""A Float64MultiArray's layout without dimensions or offset, and the count of one number."""
 
 
 def read_numbers(raw: bytes) -> list[float]:
@@ -31,15 +32,15 @@ def read_numbers(raw: bytes) -> list[float]:
 
 
 class Joints:
-    """Reads serialised JointStates; of messages in the form of the last one without rclpy."""
+    """Reads serialised JointStates; without rclpy if the layout is that of the last message."""
 
     def __init__(self) -> None:
-        self._length = -1  # of a message in the known form [bytes]
-        self._form: list[tuple[slice, bytes]] = []  # what it holds besides numbers
-        self._places: tuple[int, ...] = ()  # where the numbers of the state are
+        self._length = -1  # length of a message in the known layout [bytes]
+        self._form: list[tuple[slice, bytes]] = []  # its content except for the numbers
+        self._places: tuple[int, ...] = ()  # offsets of the numbers of the state
 
     def read(self, raw: bytes) -> tuple[int, State] | None:
-        """Return the time stamp [ns] and the state of the cart; None of other joints.
+        """Return the time stamp [ns] and the state of the cart; None if the joints are others.
 
         Raises
         ------
@@ -56,7 +57,7 @@ class Joints:
         return all(raw[where] == content for where, content in self._form)
 
     def _study(self, raw: bytes) -> tuple[int, State] | None:
-        """Have rclpy read a message, and note where its numbers are."""
+        """Let rclpy deserialise a message, and remember where its numbers are."""
         message = deserialize_message(raw, JointState)
         places, speeds = message.position, message.velocity
         try:
@@ -73,10 +74,10 @@ class Joints:
             start = end + -end % 4
             end = start + len(content)
             self._form.append((slice(start, end), content))
-        first = end + (4 - end) % 8  # of the positions; the header does not count in alignment
+        first = end + (4 - end) % 8  # start of the positions; alignment ignores the header
         end = first + 8 * len(places)
         self._form.append((slice(end, end + 4), COUNT.pack(len(speeds))))
-        second = end + 4 + -end % 8  # of the velocities
+        second = end + 4 + -end % 8  # start of the velocities
         self._places = tuple(
             start + 8 * joint for joint in (slider, hinge) for start in (first, second)
         )

@@ -1,4 +1,4 @@
-"""A cart on ROS 2's topics: a simulator in another process, or a real one (docs/ros2.md)."""
+"""A cart on ROS 2 topics: a simulator in another process, or a real cart (docs/ros2.md)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -14,12 +14,12 @@ from upright.plants.settings import RunContext
 
 @dataclass(frozen=True)
 class Ros2:
-    """How to wait for a cart that is somewhere else."""
+    """Settings of a cart in another process."""
 
     watchdog: float = 0.5
-    """How long measurements may cease before the cart is stopped and the run given up [s]."""
+    """Longest time without a measurement before the cart is stopped and the run aborted [s]."""
     patience: float = 10.0
-    """How long to wait until the cart is found, and until it is reset [s]."""
+    """Longest time to wait for the cart to appear, and for a reset [s]."""
 
     name: ClassVar[str] = "ros2"
     alone: ClassVar[bool] = True
@@ -30,12 +30,12 @@ class Ros2:
         require("patience", self.patience, 0, 3600, above=True)
 
     def make(self, context: RunContext) -> tuple[Plant, Task]:
-        """Find a simulator, have it make the noise, and return it with the task without noise.
+        """Connect to a simulator, which produces the noise; return it with the noise-free task.
 
         Raises
         ------
         UprightError
-            If ROS 2 is missing, there is no simulator, or it cannot do the task.
+            If ROS 2 is missing, or there is no simulator, or it refuses the task.
         """
         require_rclpy()
         from upright.plants.ros2.cart import open_cart
@@ -44,14 +44,14 @@ class Ros2:
         changes = changed_parameters(task.parameters)
         if "time_step" in changes:
             raise UprightError(
-                f"time_step is {changes['time_step']}; on plant 'ros2' it is the simulator's: "
-                "upright ros2 simulate --rate"
+                f"time_step is {changes['time_step']}; it must not be changed on plant 'ros2': "
+                "`upright ros2 simulate --rate` sets it"
             )
         parameters = ",".join(f"{name}={value!r}" for name, value in changes.items())
         simulated = {"noise": context.spec.noise, "seed": context.seed, "parameters": parameters}
         cart = open_cart(self.waiting, task.parameters, context.stop, simulated)
-        left = Noise(hides_velocities=task.noise.hides_velocities)
-        return cart, task._replace(noise=left)
+        noise = Noise(hides_velocities=task.noise.hides_velocities)  # the rest is the simulator's
+        return cart, task._replace(noise=noise)
 
     @property
     def waiting(self) -> Waiting:
@@ -59,12 +59,12 @@ class Ros2:
         return Waiting(self.watchdog, self.patience)
 
     def version(self) -> str:
-        """Return nothing: only the cart's own process knows what moves it."""
+        """Return an empty string: only the cart's own process knows what moves it."""
         return ""
 
 
 def require_rclpy() -> None:
-    """Raise UprightError unless ROS 2 can be used from Python."""
+    """Raise UprightError unless ROS 2 is available in Python."""
     require_module("rclpy", "ROS 2 is missing; source its setup.bash, or", "ros2")
 
 

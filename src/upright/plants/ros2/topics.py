@@ -1,12 +1,11 @@
-"""Names that both sides of a cart behind ROS 2's topics use (docs/ros2.md)."""
+"""Names that both sides of a cart on ROS 2 topics use (docs/ros2.md)."""
 
 from typing import NamedTuple
 
 JOINT_STATES, STATUS, EFFORT, RESET = "joint_states", "status", "effort", "reset"
-"""Topics of measurements, of whether the pole stands, and of forces [N]; the service that starts a
-trial."""
+"""Topics of measurements, of the status, and of forces [N]; the service that starts a trial."""
 BALANCING, DONE, FAULT = "Balancing", "Done", "Fault: "
-"""What the status says: the report's two words, and how a refusal begins."""
+"""Values of the status: the report's two words, and the prefix of a refusal."""
 SIMULATOR = "simulator"
 """Name of the simulator's node, whose parameters set noise, seed and start."""
 
@@ -15,6 +14,6 @@ class Waiting(NamedTuple):
     """How long to wait for a cart."""
 
     watchdog: float
-    """For its next measurement [s]."""
+    """Longest time to wait for its next measurement [s]."""
     patience: float
-    """Until it is found, and until it is reset [s]."""
+    """Longest time to wait until it is found, and until it is reset [s]."""
