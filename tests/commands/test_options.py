@@ -19,7 +19,7 @@ from upright.commands.parser import Parser
 from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.task import TaskSpec
-from upright.nodes.settings import BODIES
+from upright.nodes.settings import SIMULATED
 from upright.plants import PLANTS
 from upright.reports.tables import FORMATS
 from upright.studies import matlab_twin
@@ -123,8 +123,8 @@ def test_the_package_can_be_run_as_a_program():
 
 EXCEPTIONS = {
     "matlab table --agents": matlab_twin.AGENTS,
-    "ros2 simulate --plant": BODIES,
-    "ros2 demo --plant": BODIES,
+    "ros2 simulate --plant": SIMULATED,
+    "ros2 demo --plant": SIMULATED,
 }
 """Where fewer names are allowed."""
 
