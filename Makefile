@@ -51,7 +51,7 @@ test-matlab: .venv/developed
 
 test-sb3: .venv/developed
 	$(INSTALL) stable-baselines3
-	$(BIN)/pytest tests/test_sb3.py
+	$(BIN)/pytest tests/environments/test_stable_baselines3.py
 
 benchmark: .venv/developed
 	$(BIN)/python benchmarks/speed.py --output docs/performance.md

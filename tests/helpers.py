@@ -18,6 +18,9 @@ from upright.plants.equations import equations
 from upright.plants.settings import RunContext
 from upright.reports.statistics import Row
 
+ROOT = Path(__file__).parents[1]
+"""The folder of the project."""
+
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)
 HARD_START = State(2.0, 1.0, 0.2, 1.0)

@@ -1,14 +1,12 @@
 import re
-from pathlib import Path
 
 import pytest
-from helpers import recorded_rows
+from helpers import ROOT, recorded_rows
 
 from upright.core.conditions import PUBLISHED_NOISES
 from upright.reports.reproduction import report
 from upright.reports.tables import mean_text
 
-ROOT = Path(__file__).parent.parent
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")]
 
 

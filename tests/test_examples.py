@@ -1,16 +1,15 @@
 import sys
-from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
-from helpers import POOR_WEIGHTS, LinearAgent
+from helpers import POOR_WEIGHTS, ROOT, LinearAgent
 
 from upright.core import trials
 from upright.errors import UprightError
 from upright.studies.case import make_case
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(ROOT))
 
 from examples import agents_on_gymnasium
 from examples.agents_on_gymnasium import GymnasiumBody, make_run

@@ -13,11 +13,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from helpers import ROOT
 
 import upright
 from upright.plants.urdf import text
 
-ROOT = Path(__file__).parents[1]
 NO_SOURCES = (
     "matlab/+upright/+internal/q_learning_mex.mex",
     "matlab/+upright/+internal/q_learning_mex.mexa64",

@@ -13,17 +13,17 @@ import subprocess
 import sys
 from dataclasses import asdict, replace
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import ROOT
 
 from upright.core.parameters import State
 from upright.studies.case import make_case
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import make_run
 
-FOLDER = Path(__file__).parents[1] / "examples" / "reading"
+FOLDER = ROOT / "examples" / "reading"
 TWINS = ("q-learning", "reinforce", "adaptive-lqr")
 
 sys.path.insert(0, str(FOLDER.parents[1]))

@@ -1,13 +1,12 @@
 import importlib.util
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
+from helpers import ROOT
 
 import upright
 
-ROOT = Path(__file__).parents[1]
 spec = importlib.util.spec_from_file_location("release", ROOT / "tools/release.py")
 release = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(release)

@@ -27,6 +27,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from helpers import ROOT
 
 import upright  # noqa: F401 - makes the environments known
 from upright.agents import AGENTS
@@ -46,7 +47,6 @@ from upright.studies.run import make_run
 from upright.support.settings import change_settings
 
 RECORD = Path(__file__).with_name("same_trials.json")
-ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # where the examples are
 SEED = 7
 SHORT = {"steps": 3000, "trials": 25}

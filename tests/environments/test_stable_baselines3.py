@@ -2,18 +2,16 @@
 
 import sys
 import warnings
-from pathlib import Path
 
 import gymnasium
 import pytest
+from helpers import ROOT
 
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 
 pytest.importorskip("stable_baselines3", reason="no Stable-Baselines3 here: make test-sb3")
 from stable_baselines3.common.env_checker import check_env
-
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("noise", ["none", "gaussian-0.2"])

@@ -5,14 +5,13 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import onnx
 import onnxruntime
 import pytest
-from helpers import make_task
+from helpers import ROOT, make_task
 
 from upright.agents import AGENTS
 from upright.agents.parts.history import BLOCK
@@ -303,7 +302,7 @@ def test_a_missing_onnx_is_reported_in_one_line(monkeypatch, tmp_path, capsys):
 
 
 def examples(language):
-    page = Path(__file__).parents[1] / "docs/policies.md"
+    page = ROOT / "docs/policies.md"
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 

@@ -19,13 +19,13 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from helpers import ROOT
 
 from upright.nodes.settings import LearnerSettings, SimulatorSettings
 from upright.plants import urdf
 from upright.support.exit_status import BAD_USE
 from upright.support.settings import values_of
 
-ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "ros2"
 CONFIG = "config/cartpole.yaml"
 NODES = {"simulator": SimulatorSettings(), "learner": LearnerSettings()}

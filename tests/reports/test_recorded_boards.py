@@ -1,9 +1,7 @@
 """The recorded boards: what the program writes of their figures, and what they were to reach."""
 
-from pathlib import Path
-
 import pytest
-from helpers import recorded_rows
+from helpers import ROOT, recorded_rows
 
 from upright.core.conditions import PUBLISHED_NOISES
 from upright.reports.leaderboards import (
@@ -16,7 +14,7 @@ from upright.reports.leaderboards import (
 )
 from upright.reports.published import SOURCES
 
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = ROOT / "docs"
 BOARDS = {"leaderboard": (PUBLISHED, leaderboard_text), "robust": (ROBUST, robust_text)}
 MOST = {
     "none": 1.1,

@@ -12,7 +12,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from helpers import python
+from helpers import ROOT, python
 from numba._dispatcher import compute_fingerprint
 
 from upright.agents import AGENTS
@@ -34,7 +34,6 @@ from upright.studies.store import Store
 from upright.studies.study import _workers, study
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = ("examples.plain_agent:TinyQ", "examples.compiled_agent:hill_climber")
 NUMBERS = itertools.count()
 

@@ -9,10 +9,9 @@ import subprocess
 import sys
 import time
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
-from helpers import make_context, make_task
+from helpers import ROOT, make_context, make_task
 
 from upright.commands import run
 from upright.core.parameters import State
@@ -32,7 +31,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
 ]
 COMMAND = [sys.executable, "-m", "upright"]
-EXAMPLE = Path(__file__).parents[1] / "examples/ros2_cart.py"
+EXAMPLE = ROOT / "examples/ros2_cart.py"
 LIMIT = 90
 """Time limit of every process [s]."""
 DOMAINS = itertools.count(os.getpid())

@@ -7,16 +7,16 @@ their headers have the names of settings and of parts of a task that version had
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import ROOT
 
 from upright.core.parameters import State
 from upright.policies.files import load_policy
 from upright.studies.playing import case_for, play_trials
 
-FOLDER = Path(__file__).parent / "data/0.1.0"
+FOLDER = ROOT / "tests/data/0.1.0"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text())
 COMMAND = [sys.executable, "-c", "from upright.commands import main; main()"]
 LIMITS = State(2.4, 2.0, 0.2, 2.0)

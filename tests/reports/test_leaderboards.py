@@ -1,10 +1,10 @@
 import json
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import ROOT
 
 from upright import __version__
 from upright.agents import AGENTS
@@ -374,7 +374,7 @@ def test_bad_usage_prints_one_clear_line(tmp_path, monkeypatch, capsys, no_runs)
 def test_the_command_writes_where_it_is_told(tmp_path, monkeypatch, capsys):
     """A custom agent appears on the board like any other."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(Path(__file__).parents[1])
+    monkeypatch.syspath_prepend(ROOT)
     agent = "examples.compiled_agent:hill_climber"
     line = f"robust --agents {agent},random-search --runs 1 --steps 50"
     assert run([*line.split(), "--output", "a/b.md", "--store", "c/d.sqlite"]) == 0
