@@ -1,9 +1,10 @@
-"""How fast is the vector environment? Beside it stand the other cart-poles there are.
+"""Measures how fast the vector environment is, compared with other cart-poles.
 
-All are stepped in turns, in one process, 4,096 environments at a time: ours with and without noise,
-Gymnasium's own, gymnax and EnvPool where they are installed, and the same in C. Twice: with random
-pushes, when one episode in twenty ends with each step and the next one begins, and with the pushes
-of a policy that balances, when none ever does. Only the steps are timed; medians are reported.
+All are stepped in turns, in one process, 4,096 environments at a time: the package's with and
+without noise, Gymnasium's own, gymnax and EnvPool if they are installed, and the same in C. There
+are two measurements: with random pushes, where one episode in twenty ends with each step and the
+next begins, and with the pushes of a policy that balances, where no episode ever ends. Only the
+steps are timed; medians are reported.
 """
 
 import ctypes
@@ -20,23 +21,23 @@ from speed import C_PARAMETERS, address, load, machine, make_parser, put
 
 SEED = 1
 ROUND = 25
-"""Steps of one contender before it is the next one's turn."""
+"""Steps of one contender before it is the next contender's turn."""
 BALANCING = np.array([1.0, 1.5, 20.0, 3.0])
 """A linear policy that balances."""
 PEERS = ("gymnax", "envpool")
 
 Array = NDArray[Any]
 Step = Callable[[Array], Array]
-"""Makes a step with these actions and returns what is observed, shape (n, 4)."""
+"""Makes a step with the given actions and returns the observations, shape (n, 4)."""
 
 
 class Contender(NamedTuple):
-    """An environment, or the same in C."""
+    """A vector environment, or the same in C."""
 
     name: str
     step: Step
     first: Array
-    """What is observed at first."""
+    """The first observations."""
 
 
 # ---- Contenders ----------------------------------------------------------------------------------
@@ -50,7 +51,7 @@ def ours(count: int, **options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any
 
 
 def of_gymnasium(name: str, envs: gymnasium.vector.VectorEnv[Any, Any, Any]) -> Contender:
-    """Return a contender that is stepped as Gymnasium has it."""
+    """Return a contender with Gymnasium's interface."""
     first, _ = envs.reset(seed=SEED)
     return Contender(name, lambda actions: envs.step(actions)[0], first)
 
@@ -69,7 +70,7 @@ class CLanes(ctypes.Structure):
 
 
 def in_c(count: int, library: ctypes.CDLL) -> Contender:
-    """Return the same in C, begun where ours begins."""
+    """Return the same in C, with the same start states as the package's environment."""
     envs = ours(count).unwrapped
     first, _ = envs.reset(seed=SEED)
     batch = envs._batch
@@ -93,7 +94,7 @@ def in_c(count: int, library: ctypes.CDLL) -> Contender:
 
 
 def of_gymnax(count: int) -> Contender:
-    """Return gymnax's cart-pole, compiled by JAX; episodes that end begin again at once."""
+    """Return gymnax's cart-pole, compiled by JAX; the next episode begins in the same step."""
     import gymnax
     import jax
 
@@ -122,7 +123,7 @@ def of_gymnax(count: int) -> Contender:
 
 
 def of_envpool(count: int) -> Contender:
-    """Return EnvPool's cart-pole, on as many threads as it likes."""
+    """Return EnvPool's cart-pole, with its default number of threads."""
     import envpool
 
     envs = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=count, seed=SEED)
@@ -131,27 +132,27 @@ def of_envpool(count: int) -> Contender:
 
 
 def contenders(count: int, library: ctypes.CDLL) -> list[Contender]:
-    """Return all that are here; say which are not."""
-    found = [of_gymnasium("upright", ours(count)), in_c(count, library)]
+    """Return all contenders that are installed; name the others on standard error."""
+    installed = [of_gymnasium("upright", ours(count)), in_c(count, library)]
     for noise in ("actuator-10", "sensor-10", "gaussian-0.2"):
-        found.append(of_gymnasium(f"upright, {noise}", ours(count, noise=noise)))
-    found.append(of_gymnasium("upright, same step", ours(count, autoreset_mode="SameStep")))
-    found.append(of_gymnasium("upright, float64", ours(count, dtype="float64")))
+        installed.append(of_gymnasium(f"upright, {noise}", ours(count, noise=noise)))
+    installed.append(of_gymnasium("upright, same step", ours(count, autoreset_mode="SameStep")))
+    installed.append(of_gymnasium("upright, float64", ours(count, dtype="float64")))
     own = gymnasium.make_vec("CartPole-v1", count, vectorization_mode="vector_entry_point")
-    found.append(of_gymnasium("Gymnasium", own))
+    installed.append(of_gymnasium("Gymnasium", own))
     for name, make in zip(PEERS, (of_gymnax, of_envpool), strict=True):
         try:
-            found.append(make(count))
+            installed.append(make(count))
         except ImportError:
-            print(f"{name} is not installed and left out", file=sys.stderr)
-    return found
+            print(f"{name} is not installed and is left out", file=sys.stderr)
+    return installed
 
 
 # ---- Comparing -----------------------------------------------------------------------------------
 
 
 def check(count: int, library: ctypes.CDLL) -> None:
-    """Assert that C, which rounds as we do, observes what we observe, restarts included."""
+    """Assert that C, which rounds as Python does, makes the same observations over restarts."""
     mine, theirs = of_gymnasium("upright", ours(count)), in_c(count, library)
     rng = np.random.default_rng(SEED)
     for _ in range(200):
@@ -160,14 +161,14 @@ def check(count: int, library: ctypes.CDLL) -> None:
 
 
 def measure(count: int, rounds: int, library: ctypes.CDLL, *, balances: bool) -> dict[str, Array]:
-    """Return the time of a step per environment [ns] of every contender, for each round."""
-    found = contenders(count, library)
-    seen = {contender.name: contender.first for contender in found}
-    times: dict[str, list[float]] = {contender.name: [] for contender in found}
+    """Return the time per step and environment [ns] of every contender in each round."""
+    installed = contenders(count, library)
+    last = {contender.name: contender.first for contender in installed}
+    times: dict[str, list[float]] = {contender.name: [] for contender in installed}
     rng = np.random.default_rng(SEED)
     for _ in range(rounds):
-        for contender in found:
-            observed, elapsed = seen[contender.name], 0
+        for contender in installed:
+            observed, elapsed = last[contender.name], 0
             for _ in range(ROUND):
                 if balances:
                     actions = (np.asarray(observed) @ BALANCING > 0).astype(np.int64)
@@ -176,7 +177,7 @@ def measure(count: int, rounds: int, library: ctypes.CDLL, *, balances: bool) ->
                 began = time.perf_counter_ns()
                 observed = contender.step(actions)
                 elapsed += time.perf_counter_ns() - began
-            seen[contender.name] = observed
+            last[contender.name] = observed
             times[contender.name].append(elapsed / ROUND / count)
     return {name: np.array(values) for name, values in times.items()}
 
@@ -195,7 +196,7 @@ def table(falling: dict[str, Array], balancing: dict[str, Array]) -> str:
 
 
 def python_share(count: int, rounds: int) -> float:
-    """Return the part of a step that is spent outside the compiled loop."""
+    """Return the fraction of a step that is spent outside the compiled loop."""
     envs = ours(count).unwrapped
     envs.reset(seed=SEED)
     rng = np.random.default_rng(SEED)
@@ -205,9 +206,9 @@ def python_share(count: int, rounds: int) -> float:
     def timed_loop(*arguments: Any) -> int:
         nonlocal inside
         began = time.perf_counter_ns()
-        begun: int = compiled_loop(*arguments)
+        restarts: int = compiled_loop(*arguments)
         inside = time.perf_counter_ns() - began
-        return begun
+        return restarts
 
     envs._step = timed_loop
     shares = []
@@ -220,7 +221,7 @@ def python_share(count: int, rounds: int) -> float:
 
 
 def one_at_a_time(rounds: int) -> str:
-    """Return a sentence on single environments, without wrappers, stepped in turns."""
+    """Return a sentence about single environments without wrappers, stepped in turns."""
     envs = {
         "upright": gymnasium.make("upright/CartPole-v0").unwrapped,
         "with noise": gymnasium.make("upright/CartPole-v0", noise="gaussian-0.2").unwrapped,
@@ -237,9 +238,9 @@ def one_at_a_time(rounds: int) -> str:
             times[name].append((time.perf_counter_ns() - began) / (20 * ROUND))
     ours_, noisy, theirs = (np.array(values) for values in times.values())
     return (
-        f"One environment, without wrappers: {median(ours_) / 1000:.1f} µs a step, under Gaussian "
-        f"noise {median(noisy) / 1000:.1f} µs; Gymnasium's takes {median(theirs / ours_):.2f} and "
-        f"{median(theirs / noisy):.2f} times as long."
+        f"A single environment without wrappers takes {median(ours_) / 1000:.1f} µs per step, and "
+        f"{median(noisy) / 1000:.1f} µs under Gaussian noise; Gymnasium's takes "
+        f"{median(theirs / ours_):.2f} and {median(theirs / noisy):.2f} times as long."
     )
 
 
@@ -256,8 +257,9 @@ def main() -> None:
     )
     share = python_share(arguments.count, arguments.rounds)
     text = (
-        f"{table(falling, balancing)}\nTime of a step of one of {arguments.count:,} environments. "
-        f"Python takes {100 * share:.0f} % of upright's step. {one_at_a_time(arguments.rounds)}\n"
+        f"{table(falling, balancing)}\nTimes are per step and environment, with "
+        f"{arguments.count:,} environments. Python takes {100 * share:.0f} % of upright's step. "
+        f"{one_at_a_time(arguments.rounds)}\n"
         f"{machine()}.\n"
     )
     put(text, arguments.output)

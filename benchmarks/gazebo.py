@@ -1,4 +1,4 @@
-"""How fast is learning in Gazebo? Directly and over ROS 2, and what limits it."""
+"""Measures how fast learning in Gazebo is, directly and over ROS 2, and what limits it."""
 
 import os
 import sys
@@ -22,7 +22,7 @@ ENGINES = {"DART, 1 ms": Gazebo(), "ODE, 1 ms": Gazebo("ode"), "DART, 2 ms": Gaz
 
 
 def learn_directly(settings: Gazebo, steps: int, rounds: int) -> list[Result]:
-    """Learn in lock-step with a server, each round with another seed."""
+    """Learn in lock-step with a server, with a different seed in each round."""
     case = make_case("reinforce", steps=steps, plant=settings)
     results = []
     for seed in range(rounds):
@@ -55,24 +55,25 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="runs each (default 3)")
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    lines = ["| | control steps a second | times real time |", "|---|---|---|"]
-    found = {
+    lines = ["| | control steps per second | times real time |", "|---|---|---|"]
+    results = {
         name: learn_directly(settings, arguments.steps, arguments.rounds)
         for name, settings in ENGINES.items()
     }
-    found["DART, 1 ms, over ROS 2"] = learn(arguments.steps, arguments.rounds, "gazebo")
-    for name, runs in found.items():
+    results["DART, 1 ms, over ROS 2"] = learn(arguments.steps, arguments.rounds, "gazebo")
+    for name, runs in results.items():
         rate = median(rates(runs))
         lines.append(f"| {name} | {rate:,.0f} | {rate / REAL_TIME:.0f} |")
-    total = 1e6 / median(rates(found["DART, 1 ms"]))
+    total = 1e6 / median(rates(results["DART, 1 ms"]))
     physics, agent = physics_alone(Gazebo()), agent_alone()
     rest = total - physics - agent
     text = (
-        "\n".join(lines) + f"\n\nOf a control step with DART at 1 ms, {total:.0f} µs, Gazebo's 20 "
-        f"physics steps take {physics:.0f} µs, the agent and the loop {agent:.0f} µs, and the "
-        f"socket with the processes that wake each other {rest:.0f} µs.\n\n"
-        f"reinforce, default settings, noise-free, N = {arguments.steps:,}; medians of "
-        f"{arguments.rounds} runs, learning included. Gazebo {find_gazebo().version}.\n"
+        "\n".join(lines) + f"\n\nOf the {total:.0f} µs of a control step with DART at 1 ms, "
+        f"Gazebo's 20 physics steps take {physics:.0f} µs, the agent and the loop {agent:.0f} µs, "
+        f"and the socket and waking the processes {rest:.0f} µs.\n\n"
+        f"The agent is `reinforce` with default settings, noise-free, N = {arguments.steps:,}. "
+        f"Rates are medians of {arguments.rounds} runs and include learning. The simulator is "
+        f"Gazebo {find_gazebo().version}.\n"
         f"{machine()}.\n"
     )
     put(text, arguments.output)

@@ -1,8 +1,9 @@
-"""How fast is the MATLAB twin in GNU Octave? Beside it stand its compiled C and the package.
+"""Measures how fast the MATLAB twin is in GNU Octave, beside its compiled C and the package.
 
-All make runs of Q-learning, noise-free, with the same random numbers, and so the same trials, which
-is checked. The M code runs in lockstep; its rate is also given for the time when at least nine
-tenths of the runs advance together, as the last runs of a study advance nearly alone.
+All of them make runs of Q-learning, noise-free, with the same random numbers, and therefore the
+same trials, which is checked. The M code makes its runs in lockstep; its rate is also measured
+while at least nine tenths of the runs advance together, because the last runs of a study advance
+nearly alone.
 """
 
 import subprocess
@@ -23,14 +24,14 @@ BENCHMARKS = Path(__file__).parent
 
 
 class Line(NamedTuple):
-    """What was measured of one contender."""
+    """The measurements of one contender."""
 
     name: str
     steps: float
-    """Learner-steps made."""
+    """Number of learner-steps."""
     seconds: float
     together: float | None = None
-    """Learner-steps a second while most runs advance together."""
+    """Learner-steps per second while most runs advance together."""
 
 
 def octave(statements: str) -> list[float]:
@@ -43,7 +44,7 @@ def octave(statements: str) -> list[float]:
 
 
 def readable(trials: int) -> Line:
-    """Time the learner for reading, which makes one run step by step."""
+    """Time the learner that is written to be read, which makes one run step by step."""
     steps, seconds = octave(
         f"began = tic(); r = upright.q_learning('trials', {trials}, 'steps', 5000);"
         "printf('%g ', sum(r.lengths), toc(began));"
@@ -52,7 +53,7 @@ def readable(trials: int) -> Line:
 
 
 def in_lockstep(agent: str, runs: int, steps: int) -> Line:
-    """Time M code that makes many runs at once."""
+    """Time the M code that makes many runs at once."""
     make = {"q-learning": "q_learners", "random-search": "random_searchers"}[agent]
     together, rate, seconds = octave(
         f"lockstep(@upright.internal.{make}, '{agent}', {runs}, {steps})"
@@ -61,7 +62,7 @@ def in_lockstep(agent: str, runs: int, steps: int) -> Line:
 
 
 def in_compiled_c(runs: int, steps: int, expected: list[int]) -> Line:
-    """Time the compiled C, built for this alone."""
+    """Time the compiled C, which is built for this measurement."""
     with tempfile.TemporaryDirectory() as place:
         seconds, *lengths = octave(
             f"evalc('upright.build_mex(''{place}'')'); addpath('{place}');"
@@ -71,7 +72,7 @@ def in_compiled_c(runs: int, steps: int, expected: list[int]) -> Line:
             "1000)]; end; printf('%g ', toc(began), all);"
         )
     if lengths != expected:
-        raise SystemExit("the compiled C made other trials than the package")
+        raise SystemExit("the trials of the compiled C differ from those of the package")
     return Line(f"compiled C, {runs:,} runs, called from Octave", sum(lengths), seconds)
 
 
@@ -88,14 +89,14 @@ def in_python(runs: int, steps: int) -> tuple[Line, list[int]]:
 
 
 def version() -> str:
-    """Return the name and version of what runs the twin."""
-    asked = [find_program(), "--version"]
-    return subprocess.run(asked, capture_output=True, text=True).stdout.splitlines()[0]
+    """Return the name and version of the program that runs the twin."""
+    line = [find_program(), "--version"]
+    return subprocess.run(line, capture_output=True, text=True).stdout.splitlines()[0]
 
 
 def table(lines: list[Line]) -> str:
     """Return the measurements as a table in Markdown."""
-    rows = ["| | million steps a second | while together | seconds |", "|---|---|---|---|"]
+    rows = ["| | million steps per second | while together | duration [s] |", "|---|---|---|---|"]
     for line in lines:
         together = f"{line.together / 1e6:.2f}" if line.together else "–"
         rate = line.steps / line.seconds / 1e6
@@ -120,9 +121,10 @@ def main() -> None:
         ours,
     ]
     text = (
-        f"{table(lines)}\nNoise-free, default settings, N = {steps:,}, learning included; "
-        "Q-learning unless said otherwise. “While together”: while at least nine tenths of the "
-        f"runs advance.\n{machine()}, {version()}.\n"
+        f"{table(lines)}\nAll runs are noise-free with default settings and N = {steps:,}, and "
+        "include learning. The agent is Q-learning unless the row names another. “While together” "
+        "is the rate while at least nine tenths of the runs advance.\n"
+        f"{machine()}, {version()}.\n"
     )
     put(text, arguments.output)
 

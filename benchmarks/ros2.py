@@ -1,8 +1,8 @@
-"""How fast is learning over ROS 2, in lock-step and by the wall clock? Both sides are processes.
+"""Measures how fast learning over ROS 2 is, in lock-step and in real time.
 
-Lock-step: an agent learns on a simulator in another process until a trial balances, and must make
-the trials that it makes on the equations without ROS 2. Real time: a policy balances 50 times a
-second; how late periods end and commands come is measured by the simulator.
+In lock-step, an agent learns on a simulator in another process until a trial succeeds; it must make
+the same trials as on the equations without ROS 2. In real time, a policy pushes 50 times a second,
+and the simulator measures how late periods end and commands arrive.
 """
 
 import os
@@ -38,26 +38,26 @@ from upright.studies.run import make_run
 
 COMMAND = [sys.executable, "-m", "upright"]
 REAL_TIME = 1 / Parameters().time_step
-"""Control steps in a second of the cart-pole's own time."""
+"""Control steps per second in real time."""
 
 
 @contextmanager
 def simulator(*options: str) -> Iterator[list[str]]:
-    """Run a simulator, and give a list that holds what it told once it has ended."""
-    told: list[str] = []
+    """Run a simulator within the block; yield a list that holds its log once it has ended."""
+    log: list[str] = []
     command = [*COMMAND, "ros2", "simulate", *options]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout
         if not process.stdout.readline():
             raise SystemExit(process.communicate()[1])
-        yield told
+        yield log
         process.terminate()
-        told.append(process.communicate()[1])
+        log.append(process.communicate()[1])
 
 
 def learn(steps: int, rounds: int, plant: str) -> list[Result]:
-    """Learn in lock-step, each round with another seed."""
+    """Learn in lock-step, with a different seed in each round."""
     case = make_case("reinforce", steps=steps, plant=Ros2())
     alone = make_case("reinforce", steps=steps)
     results = []
@@ -68,16 +68,16 @@ def learn(steps: int, rounds: int, plant: str) -> list[Result]:
             assert result
             assert expected
             if plant == "equations" and result.lengths.tolist() != expected.lengths.tolist():
-                raise SystemExit("over ROS 2 there were other trials than on the equations")
+                raise SystemExit("the trials over ROS 2 differ from those on the equations")
             print(f"{plant}, seed {seed}: {result.seconds:.1f} s", file=sys.stderr)
             results.append(result)
     return results
 
 
 def lock_step(results: dict[str, list[Result]]) -> str:
-    """Return a table of how fast agents learned."""
+    """Return a table of rates and durations of learning, by the simulator's plant."""
     lines = [
-        "| the simulator's plant | control steps a second | times real time | a whole run |",
+        "| the simulator's plant | control steps per second | times real time | time per run |",
         "|---|---|---|---|",
     ]
     for plant, runs in results.items():
@@ -88,19 +88,19 @@ def lock_step(results: dict[str, list[Result]]) -> str:
 
 
 def rates(runs: list[Result]) -> list[float]:
-    """Return the control steps a second of each run."""
+    """Return the control steps per second of each run."""
     return [result.lengths.sum() / result.seconds for result in runs]
 
 
 class Part(NamedTuple):
-    """What a control step consists of."""
+    """A part of a control step, and the time that it takes."""
 
     name: str
     microseconds: float
 
 
 def parts(total: float) -> list[Part]:
-    """Return what takes time in a control step of so many microseconds, each measured alone."""
+    """Return the parts of a control step that takes `total` [µs], each measured separately."""
     state, joints = State(0.0, 0.0, 0.01, 0.0), Joints()
     measured = JointState(name=[SLIDER, HINGE], position=[0.0, 0.0], velocity=[0.0, 0.0])
     measured.effort = [10.0, 0.0]
@@ -119,17 +119,18 @@ def parts(total: float) -> list[Part]:
         serialize_message(measured)
         joints.read(answer)
 
-    found = [
+    measured_parts = [
         Part("the agent and the loop", agent_alone()),
         Part("the plant and its noise", alone(move)),
-        Part("to make and read two messages", alone(messages)),
+        Part("creating and reading two messages", alone(messages)),
     ]
-    rest = total - sum(part.microseconds for part in found)
-    return [*found, Part("to send them (DDS), wake threads and run callbacks (rclpy)", rest)]
+    rest = total - sum(part.microseconds for part in measured_parts)
+    sending = "sending them (DDS), waking threads and running callbacks (rclpy)"
+    return [*measured_parts, Part(sending, rest)]
 
 
 def alone(work: Callable[[], Any], repetitions: int = 5_000) -> float:
-    """Return how long it takes [µs]."""
+    """Return how long a call of `work` takes [µs]."""
     began = time.perf_counter()
     for _ in range(repetitions):
         work()
@@ -172,31 +173,31 @@ class Idle:
         """Do nothing."""
 
 
-def table_of(found: list[Part]) -> str:
-    """Return a table of where the time goes."""
-    total = sum(part.microseconds for part in found)
-    lines = ["| of a control step | µs | |", "|---|---|---|"]
-    lines += [f"| {name} | {time:.0f} | {time / total:.0%} |" for name, time in found]
-    return "\n".join([*lines, f"| in all | {total:.0f} | |"])
+def table_of(step_parts: list[Part]) -> str:
+    """Return a table of where the time of a control step goes."""
+    total = sum(part.microseconds for part in step_parts)
+    lines = ["| part of a control step | time [µs] | share |", "|---|---|---|"]
+    lines += [f"| {name} | {time:.0f} | {time / total:.0%} |" for name, time in step_parts]
+    return "\n".join([*lines, f"| total | {total:.0f} | |"])
 
 
 def real_time(steps: int) -> str:
-    """Have a policy balance by the wall clock, and return how punctual that was."""
+    """Let a policy balance in real time, and return how punctual that was."""
     with tempfile.TemporaryDirectory() as folder:
         policy = f"{folder}/policy.npz"
         upright("learn", "adaptive-lqr", "--quiet", "--save", policy)
-        with simulator("--no-lock-step") as told:
+        with simulator("--no-lock-step") as log:
             out = upright("ros2", "learn", "--policy", policy, "--steps", str(steps))
     if f"trial    1 {steps:9,d} steps" not in out:
         raise SystemExit(f"the pole fell in real time:\n{out}")
-    found = re.search(r"[\d,]+ periods, .* p99 [\d.]+ ms$", told[0], re.MULTILINE)
-    if not found:
-        raise SystemExit(f"the simulator did not tell how punctual it was:\n{told[0]}")
-    return f"Real time, {steps / REAL_TIME:.0f} s: the pole stayed up; {found[0]}."
+    summary = re.search(r"[\d,]+ periods, .* p99 [\d.]+ ms$", log[0], re.MULTILINE)
+    if not summary:
+        raise SystemExit(f"the simulator did not report how punctual it was:\n{log[0]}")
+    return f"In real time, the pole stayed up for {steps / REAL_TIME:.0f} s: {summary[0]}."
 
 
 def upright(*arguments: str) -> str:
-    """Run the command in a process of its own, and return what it printed."""
+    """Run the command in a separate process, and return what it printed."""
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True)
     if done.returncode != 0:
         raise SystemExit(done.stderr)
@@ -209,7 +210,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
     parser.add_argument("--rounds", type=int, default=3, help="runs each (default 3)")
     parser.add_argument(
-        "--periods", type=int, default=3_000, help="of the wall clock (default 3,000: a minute)"
+        "--periods", type=int, default=3_000, help="in real time (default 3,000: a minute)"
     )
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
@@ -219,8 +220,9 @@ def main() -> None:
     total = 1e6 / median(rates(results["equations"]))
     text = (
         f"{lock_step(results)}\n\n{table_of(parts(total))}\n\n{real_time(arguments.periods)}\n\n"
-        f"reinforce, default settings, noise-free, N = {arguments.steps:,}; medians of "
-        f"{arguments.rounds} runs, learning included. Two processes, each message through DDS.\n"
+        f"The agent is `reinforce` with default settings, noise-free, N = {arguments.steps:,}. "
+        f"Rates and times are medians of {arguments.rounds} runs and include learning. The "
+        "learner and the simulator are two processes, and each message passes through DDS.\n"
         f"{machine()}.\n"
     )
     put(text, arguments.output)

@@ -1,9 +1,9 @@
-"""How fast is upright? Everything is measured against the same arithmetic in C, in one run.
+"""Measures how fast upright is, compared with the same arithmetic in C.
 
-Each measurement is repeated in turns (Python, C, Python, C, ...), so that a machine whose speed
-drifts hurts both alike, and the medians are reported. Before anything is timed, both sides must
-reach the same end: bit for bit where C is compiled without contraction, else to rounding. Times are
-nanoseconds per step of one cart-pole.
+Each measurement is repeated in turns (Python, C, Python, C, ...), so that a drift of the machine's
+speed affects both alike, and the medians are reported. Before anything is timed, both sides must
+reach the same result: bit for bit if C is compiled without contraction, otherwise up to rounding.
+Times are nanoseconds per step of one cart-pole.
 """
 
 import argparse
@@ -43,13 +43,13 @@ COMPILERS = {
     "plain": ("gcc", "-O3", "-march=native"),
     "fast": ("gcc", "-O3", "-march=native", "-ffast-math"),
 }
-"""The C programs: one whose every rounding is Python's, the usual one, and the fastest."""
+"""The C programs: one that rounds exactly as Python does, the usual one, and the fastest."""
 MARKS = ("<!-- table -->", "<!-- end of table -->")
-"""Between them the table stands in a page."""
+"""Marks that enclose the table in a page."""
 MANY = 16_384
-"""Cart-poles that are moved at once."""
+"""Number of cart-poles that are stepped at once."""
 EPISODE = 500
-"""Steps after which many cart-poles start again, so that none spins ever faster."""
+"""Steps after which the cart-poles are reset, so that none spins ever faster."""
 CHECKED_STEPS = 100
 """Steps after which programs that round differently are compared: the plant is unstable, so the
 difference grows."""
@@ -58,9 +58,9 @@ PARAMETERS = Parameters()
 
 Array = NDArray[np.float64]
 Outcome = tuple[float, Array]
-"""Time per step of one cart-pole [ns], and numbers that show what was computed."""
+"""Time per step of one cart-pole [ns], and numbers by which results are compared."""
 Program = Callable[[int], Outcome]
-"""Makes so many steps."""
+"""Makes the given number of steps."""
 
 
 # ---- The C side ----------------------------------------------------------------------------------
@@ -137,7 +137,7 @@ START = State(0.01, -0.02, 0.03, -0.04)
 
 @compiled
 def push_by_rule(parameters: Parameters, weights: Array, state: State, steps: int) -> State:
-    """Return the state after so many steps, each pushed to the side that w · state says."""
+    """Return the state after this many steps, pushing to the right where w · state > 0."""
     for _ in range(steps):
         total = weights[0] * state.x + weights[1] * state.x_dot
         total += weights[2] * state.theta + weights[3] * state.theta_dot
@@ -251,7 +251,7 @@ class Trained(NamedTuple):
 
 
 def one_trial(steps: int) -> Task:
-    """Return the task of a single trial of so many steps."""
+    """Return the task of a single trial of this many steps."""
     return Task(steps=steps, trials=1)
 
 

@@ -1,7 +1,7 @@
-"""How well does what was learned on one plant balance another? Equations, MuJoCo, Gazebo.
+"""Measures how well a policy that was learned on one plant balances another.
 
-Each agent learns from nothing on each plant, run after run, until a trial lasts for N steps. What
-it knows then plays one trial on every plant, where it learns no more.
+Each agent is trained from scratch on the equations, in MuJoCo and in Gazebo until a trial lasts for
+N steps. Its policy then plays one trial on every plant, without learning.
 """
 
 import sys
@@ -24,18 +24,18 @@ PLANTS = {"equations": "equations", "mujoco": "MuJoCo", "gazebo": "Gazebo"}
 
 
 class Learner(NamedTuple):
-    """Who learns, and where."""
+    """An agent and the plant that it learns on."""
 
     agent: str
     plant: str
 
 
 LEARNERS = [Learner(agent, plant) for agent in AGENTS for plant in PLANTS]
-"""In the order of the table."""
+"""The learners in the order of the table."""
 
 
 def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
-    """Return how long a trial lasted on each plant after a run; None if the run failed."""
+    """Return the length of the trial on each plant after a run; None if the run failed."""
     case = make_case(learner.agent, steps=steps, plant=REGISTERED.default(learner.plant))
     memory, result = make_run(case, 0, run)
     assert result
@@ -49,7 +49,7 @@ def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
 def transfer_all(
     runs: int, steps: int, workers: Executor
 ) -> Iterator[tuple[Learner, list[int] | None]]:
-    """Yield who learned in a run, and the lengths of the trials after it, as runs end."""
+    """Yield the learner of each run, and the lengths of the trials after it, as runs end."""
     jobs: dict[Future[list[int] | None], Learner] = {}
     for run in range(runs):
         for learner in LEARNERS:
@@ -60,10 +60,16 @@ def transfer_all(
         yield learner, lengths
 
 
-def row(learner: Learner, found: list[list[int]], steps: int) -> str:
-    """Return a row of the table: for every plant how many trials were balanced."""
+def row(learner: Learner, trials: list[list[int]], steps: int) -> str:
+    """Return a row of the table: for every plant, how many trials were balanced.
+
+    Parameters
+    ----------
+    trials
+        For each successful run, the lengths of the trials on each plant.
+    """
     cells = [learner.agent, PLANTS[learner.plant]]
-    for lengths in zip(*found, strict=True):
+    for lengths in zip(*trials, strict=True):
         balanced = sum(length >= steps for length in lengths)
         low, high = (100 * end for end in wilson_interval(balanced, len(lengths)))
         cells.append(f"{balanced} of {len(lengths)} [{low:.0f}, {high:.0f}] %")
@@ -76,19 +82,20 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
     parser.add_argument("--runs", type=int, default=20, help="runs each (default 20)")
     arguments = parser.parse_args()
-    found: dict[Learner, list[list[int]]] = {learner: [] for learner in LEARNERS}
+    trials: dict[Learner, list[list[int]]] = {learner: [] for learner in LEARNERS}
     failed = 0
     with process_pool() as workers:
         for learner, lengths in transfer_all(arguments.runs, arguments.steps, workers):
             failed += lengths is None
             if lengths:
-                found[learner].append(lengths)
+                trials[learner].append(lengths)
     heads = ["agent", "learned on", *(f"balances {name}" for name in PLANTS.values())]
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
-    lines += [row(learner, lasted, arguments.steps) for learner, lasted in found.items() if lasted]
+    lines += [row(learner, played, arguments.steps) for learner, played in trials.items() if played]
     text = (
-        "\n".join(lines) + f"\n\nTrials of {arguments.steps:,} steps without noise, random starts, "
-        f"default settings, {arguments.runs} runs each, of which {failed} failed; 95 % intervals "
+        "\n".join(lines) + f"\n\nA trial is balanced if it lasts {arguments.steps:,} steps, "
+        "noise-free, from a random start. Agents have their default settings. Each agent made "
+        f"{arguments.runs} runs on each plant; {failed} runs failed in total. 95 % intervals are "
         "in brackets.\n"
     )
     put(text, arguments.output)

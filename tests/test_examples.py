@@ -78,4 +78,4 @@ def test_the_table_is_printed(monkeypatch, capsys):
     assert shown.startswith("CartPole-v1\n")
     for agent in ("adaptive-lqr", "random-search"):
         assert f"\n{agent} " in shown
-    assert "2 runs a case, N = 300 steps" in shown
+    assert "2 runs per case, N = 300 steps" in shown

@@ -64,7 +64,7 @@ def test_tables_name_the_parameters_that_were_changed():
     results = upright.study(cases, runs=2)
     rows = [upright.summarise(case, 0, results[case]) for case in cases]
     text = upright.render(rows, "text")
-    notes = [line for line in text.splitlines() if "2 runs a case" in line]
+    notes = [line for line in text.splitlines() if "2 runs per case" in line]
     assert len(notes) == 2
     assert sum("half_length 1.0, " in note for note in notes) == 1
     assert [row["parameters"] for row in json.loads(upright.render(rows, "json"))] == [{}, LONG]

@@ -187,7 +187,7 @@ def test_the_robust_board_has_all_columns_and_lists_failures(made):
     (table,) = tables(text)
     assert table[0] == ["Agent", "Mean rank", *ROBUST]
     rows = json.loads((made[0] / "new" / "robust.json").read_text())
-    broken = text[text.index("## What breaks whom") : text.index("## Settings")]
+    broken = text[text.index("## Where agents fail") : text.index("## Settings")]
     for agent in SMALL.agents:
         (line,) = (line for line in broken.splitlines() if line.startswith(f"- `{agent}`: "))
         mine = [each for each in rows if each["agent"] == agent]
@@ -201,21 +201,23 @@ def test_the_robust_board_has_all_columns_and_lists_failures(made):
 
 def test_failures_are_listed_for_each_agent():
     rows = {"calm": [row("a"), row("b")], "windy": [row("a", successes=9), row("b", runs=10)]}
-    assert leaderboards._broken(rows) == "- `a`: windy (90 %)\n- `b`: nothing"
+    assert leaderboards._failures(rows) == "- `a`: windy (90 %)\n- `b`: none"
 
 
 @pytest.mark.parametrize("name", ["leaderboard", "robust"])
 def test_a_board_states_everything_needed_to_repeat_it(made, name):
     text = (made[0] / "new" / f"{name}.md").read_text()
     command = f"upright {name} --agents q-learning,random-search --runs 3 --steps 200 --seed 4"
-    assert f"3 runs a case; made by\n`{command}`, upright {__version__}." in text
+    assert f"3 runs per case; generated with\n`{command}`, upright {__version__}." in text
     assert "N = 200 steps" in text
     for agent in SMALL.agents:
         assert f"- `{agent}`: `{make_case(agent).settings}`" in text
 
 
 def test_defaults_are_left_out_of_the_command():
-    assert "`upright leaderboard --seed 0`" in leaderboards._made(BoardPlan(), "leaderboard", "1.2")
+    assert "`upright leaderboard --seed 0`" in leaderboards._origin(
+        BoardPlan(), "leaderboard", "1.2"
+    )
     assert BoardPlan().agents == tuple(AGENTS)
 
 
@@ -240,13 +242,13 @@ def test_a_default_board_names_the_command_that_makes_it(name, usual, tmp_path, 
     (path, study), *_ = studies
     assert study.steps == usual
     assert path == f"docs/{name}.md"
-    command = re.search(r"`upright (.*)`", leaderboards._made(study, name, "1.2"))[1]
+    command = re.search(r"`upright (.*)`", leaderboards._origin(study, name, "1.2"))[1]
     assert "steps" not in command
     assert run(command.split()) == 0
     assert studies[1] == studies[0]
-    assert "--steps 600 " in leaderboards._made(study._replace(steps=600), name, "1.2")
+    assert "--steps 600 " in leaderboards._origin(study._replace(steps=600), name, "1.2")
     other = 660_000 - usual  # the usual one of the other board
-    assert f"--steps {other} " in leaderboards._made(study._replace(steps=other), name, "1.2")
+    assert f"--steps {other} " in leaderboards._origin(study._replace(steps=other), name, "1.2")
 
 
 def test_the_figures_beside_a_board_are_read_back(made):
@@ -323,15 +325,15 @@ def no_runs(monkeypatch):
     [
         ("folder", {}, "it is a folder"),
         (".", {}, "it is a folder"),
-        ("file/board.md", {}, "a folder cannot be made there"),
+        ("file/board.md", {}, "the folder cannot be created"),
         ("taken.md", {}, r"taken\.json'; it is a folder"),
-        ("board.json", {}, "the figures go there, the board elsewhere"),
+        ("board.json", {}, r"it must not end in \.json"),
         ("new/board.md", {"agents": ("nobody",)}, "agent is 'nobody'; it must be one of "),
         ("new/board.md", {"agents": ("no_such_module_42:A",)}, "there is no module"),
         ("new/board.md", {"runs": 0}, "runs is 0"),
         ("new/board.md", {"seed": -1}, "seed is -1"),
         ("new/board.md", {"steps": 0}, "steps is 0"),
-        ("board.md", {"store": "file/runs.sqlite"}, "a folder cannot be made there"),
+        ("board.md", {"store": "file/runs.sqlite"}, "the folder cannot be created"),
         ("board.md", {"store": "file"}, "not a database"),
     ],
     ids=str,

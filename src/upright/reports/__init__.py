@@ -1,4 +1,4 @@
 """Statistics, tables and plots of studies, beside the published figures.
 
-May import everything but `upright.nodes` and `upright.commands`.
+May import everything except `upright.nodes` and `upright.commands`.
 """

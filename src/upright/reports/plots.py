@@ -1,4 +1,4 @@
-"""Pictures of learning and of what was learned."""
+"""Plots of learning and of learned policies."""
 
 import io
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from upright.studies.playing import case_for, record
 from upright.support.files import check_output, write_file
 
 Learned = list[tuple[Case, list[Result]]]
-"""Cases and the runs that were made of them."""
+"""Cases with the results of their runs."""
 
 COLOURS = {
     "adaptive-lqr": "#2a8f4f",
@@ -31,19 +31,19 @@ COLOURS = {
     "random-search": "#7a7a7a",
 }
 OTHER = "#c2447a"
-"""For agents from outside, which are told apart by name."""
+"""Colour of custom agents, which can be told apart only by name."""
 PUBLISHED_STYLES = {REPORT: ":", SI_AND_WANG: "-."}
-"""Published means that are drawn, and how."""
+"""Sources whose published means are drawn, with the line style of each."""
 FORMATS = (".png", ".pdf", ".svg")
-"""Endings of pictures."""
+"""Endings of picture files."""
 GRID = 81
-"""Points along each side of a policy map."""
+"""Number of points along each side of a policy map."""
 PORTRAIT_STEPS = 1_000
-"""Steps of a phase portrait: 20 seconds."""
+"""Number of steps in a phase portrait: 20 seconds."""
 
 
 def check_picture(path: Path | str) -> Path:
-    """Return the path of a picture to be written later, having made sure that it can be.
+    """Return the path of a picture to be written later, after checking that it can be written.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def check_picture(path: Path | str) -> Path:
 
 
 def save(figure: Figure, path: Path | str) -> None:
-    """Write a figure to a file; its ending says the format.
+    """Write a figure to a file, whose ending selects the format.
 
     Raises
     ------
     UprightError
-        As `check_picture`.
+        As for `check_picture`.
     """
     check_picture(path)
-    written = io.BytesIO()
-    figure.savefig(written, format=Path(path).suffix[1:], dpi=130)
-    write_file(path, written.getvalue())
+    output = io.BytesIO()
+    figure.savefig(output, format=Path(path).suffix[1:], dpi=130)
+    write_file(path, output.getvalue())
 
 
 def name(case: Case) -> str:
@@ -91,9 +91,9 @@ def plot_curve(lengths: np.ndarray, steps: int, title: str) -> Figure:
 
 
 def plot_curves(learned: Learned) -> Figure:
-    """Draw the learning curves of studies: each run thin, the median over runs bold.
+    """Draw the learning curves of studies: thin lines for runs, a thick one for their median.
 
-    Runs that have succeeded count with N steps in the median from then on.
+    In the median, a run that has succeeded counts with N steps in all later trials.
     """
     figure = Figure((4.6 * len(learned), 4.2), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(learned), sharex=True, sharey=True))
@@ -122,7 +122,7 @@ def plot_curves(learned: Learned) -> Figure:
 
 
 def plot_trials(learned: Learned) -> Figure:
-    """Draw, for each noise case, the part of the runs that succeeded within so many trials."""
+    """Draw, for each noise case, the fraction of runs that succeeded within a number of trials."""
     noises = list(dict.fromkeys(case.spec.noise for case, _ in learned))
     columns = min(4, len(noises) + 1)
     rows = -(-(len(noises) + 1) // columns)
@@ -143,16 +143,16 @@ def plot_trials(learned: Learned) -> Figure:
     handles, labels = panels[0].get_legend_handles_labels()
     panels[len(noises)].legend(handles, labels, loc="center", frameon=False)
     figure.supxlabel("trials")
-    figure.supylabel("part of the runs that succeeded")
+    figure.supylabel("fraction of runs that succeeded")
     return figure
 
 
 def _plot_distribution(axes: Axes, case: Case, results: Sequence[Result]) -> None:
     trials = np.sort([result.trials for result in results if result.success])
-    parts = np.arange(1, len(trials) + 1) / max(1, len(results))
+    fractions = np.arange(1, len(trials) + 1) / max(1, len(results))
     axes.step(
         [1, *trials, case.spec.trials],
-        [0, *parts, parts[-1] if len(parts) else 0],
+        [0, *fractions, fractions[-1] if len(fractions) else 0],
         where="post",
         label=name(case),
         color=COLOURS.get(case.agent),
@@ -161,7 +161,7 @@ def _plot_distribution(axes: Axes, case: Case, results: Sequence[Result]) -> Non
 
 
 def plot_policies(policies: Sequence[Policy]) -> Figure:
-    """Draw the probability of a push to the right over the pole's angle and angular velocity.
+    """Draw the probability of a push to the right against the pole's angle and angular velocity.
 
     The cart is at rest in the middle of its track.
     """
@@ -184,14 +184,14 @@ def plot_policies(policies: Sequence[Policy]) -> Figure:
 
 
 def trajectory(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
-    """Balance once with a learned policy, and return all states, shape (steps + 1, 4)."""
+    """Play a policy for one trial, and return all states, shape (steps + 1, 4)."""
     plant = equations(task.parameters)
     scenes, _ = record(policy, plant, task, np.random.default_rng(seed))
     return np.array([scene.state for scene in scenes])
 
 
 def plot_phases(policy: Policy) -> Figure:
-    """Draw the phase portraits of cart and pole over some seconds of balancing."""
+    """Draw the phase portraits of cart and pole over some seconds of balancing with a policy."""
     task = case_for(policy, steps=PORTRAIT_STEPS).spec.task()
     states = trajectory(policy, task)
     seconds = np.arange(len(states)) * task.parameters.time_step

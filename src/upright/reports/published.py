@@ -5,20 +5,20 @@ from typing import NamedTuple
 from upright.core.conditions import PUBLISHED_NOISES
 
 REPORT, SI_AND_WANG = "Report", "Si & Wang 2001"
-"""Names of the sources that tables and pictures single out."""
+"""Names of the sources that tables and plots refer to individually."""
 
 
 class Source(NamedTuple):
     """One published table."""
 
     name: str
-    """Short name, as the head of a column."""
+    """Short name, used as the head of a column."""
     citation: str
-    """Where it stands."""
+    """Where it was published."""
     agent: str | None
     """The agent of this package that follows the same rule; None: shown beside every agent."""
     runs: int
-    """Runs behind each figure."""
+    """Number of runs behind each figure."""
     steps: int
     """N: steps of a successful trial."""
     mean_trials: dict[str, float]
@@ -84,7 +84,7 @@ SOURCES = (
 
 
 def figures(agent: str, noise: str) -> dict[str, float]:
-    """Return the published mean trials to set beside an agent's, by short name of the source."""
+    """Return the published mean trials to compare an agent's with, by short name of the source."""
     return {
         source.name: source.mean_trials[noise]
         for source in SOURCES

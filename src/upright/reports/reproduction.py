@@ -1,6 +1,6 @@
-"""The main job: the report's tables again, with its settings and with ours, beside random guessing.
+"""Reproduces the report's tables, with its settings and with tuned ones, beside random guessing.
 
-Everything goes into one folder: the store of runs, a report in Markdown, its pictures, and the
+Everything is written to one folder: the store of runs, a report in Markdown, its pictures, and the
 policies that they show.
 """
 
@@ -39,7 +39,7 @@ SHOWN = (
     ("q-learning", "default"),
     ("random-search", "default"),
 )
-"""Agents and settings of the tables."""
+"""Agents and settings that the tables show."""
 
 
 def reproduce(
@@ -49,25 +49,25 @@ def reproduce(
     steps: int = STEPS,
     say: Callable[[str], None] = print,
 ) -> Path:
-    """Make the studies that are missing in the folder, and the report of them all.
+    """Make the runs that are missing in the folder, and write the report on all of them.
 
     Parameters
     ----------
     folder
-        Where results are kept and the report is written; made if missing.
+        The folder for results and the report; created if missing.
     runs
-        Runs of each case; the report made 20.
+        Runs of each case; the original report made 20.
     seed
-        Of the study.
+        Seed of the study.
     steps
         N: steps of a successful trial.
     say
-        Told what is being done.
+        Called with lines about the progress.
 
     Returns
     -------
     Path
-        The report.
+        Path of the report.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def reproduce(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        why = f"a folder cannot be made there: {error.strerror}"
+        why = f"the folder cannot be created: {error.strerror}"
         raise UprightError(f"output is {str(folder)!r}; {why}") from None
     say(
         f"{len(SHOWN)} agents and settings × {len(PUBLISHED_NOISES)} noise cases × {runs} runs, "
@@ -119,22 +119,22 @@ def draw(folder: Path, learned: list[tuple[Case, list[Result]]], seed: int) -> N
 
 
 def _learn_policy(case: Case, results: list[Result], seed: int) -> Policy:
-    """Return the policy of the first run that succeeded, or of the first run."""
+    """Return the policy of the first successful run, or else of the first run."""
     run = next((result.run for result in results if result.success), 0)
     agent, _ = make_run(case, seed, run)
     return learned_policy(case, seed, run, agent)
 
 
 def comparison(rows: list[Row], agent: str, title: str) -> str:
-    """Return a table of one agent as the report has it: a line for each noise case."""
-    found = {(row.agent, row.settings, row.task.noise): row for row in rows}
+    """Return a table of one agent like the report's, with a row for each noise case."""
+    by_case = {(row.agent, row.settings, row.task.noise): row for row in rows}
     head = ["Noise", "Report", "Report's settings: success", "mean trials"]
-    head += ["Ours: success", "mean trials", "Random guessing", SI_AND_WANG]
+    head += ["Upright: success", "mean trials", "Random guessing", SI_AND_WANG]
     body = []
     for noise in PUBLISHED_NOISES:
-        published = found[agent, "as-published", noise]
-        default = found[agent, "default", noise]
-        guess = found["random-search", "default", noise]
+        published = by_case[agent, "as-published", noise]
+        default = by_case[agent, "default", noise]
+        guess = by_case["random-search", "default", noise]
         line = [noise, number(default.published.get(REPORT), 2)]
         line += [success_text(published), mean_text(published)]
         line += [success_text(default), f"**{mean_text(default)}**", mean_text(guess)]
@@ -147,40 +147,40 @@ def report(rows: list[Row]) -> str:
     row = rows[0]
     total = sum(row.steps_simulated for row in rows)
     step = Parameters().time_step
-    protocol = f"{row.runs} runs a case, N = {row.task.steps:,} steps of {step} s"
-    protocol += f", at most {TRIALS:,} trials a run"
-    return f"""# The report's tables, again
+    protocol = f"{row.runs} runs per case, N = {row.task.steps:,} steps of {step} s"
+    protocol += f", at most {TRIALS:,} trials per run"
+    return f"""# The report's tables, reproduced
 
-{protocol}, every trial
-counted; seed {row.seed}, upright {row.version}. {total / 1e6:,.0f} million steps were simulated,
-{total * step / 86400:,.0f} days of balancing and falling. In brackets stand 95 % intervals. Mean
-trials are over the successful runs: where the success rate is low, they flatter.
+{protocol}; every trial
+counts. Seed {row.seed}, upright {row.version}. {total / 1e6:,.0f} million steps were simulated,
+{total * step / 86400:,.0f} days of balancing and falling. 95 % intervals are in brackets. Means are
+over the successful runs, so they flatter a learner with a low success rate.
 
 {comparison(rows, "reinforce", "Table I: REINFORCE")}
 {comparison(rows, "q-learning", "Table II: tabular Q-learning")}
 The report gives only the noise-free case of Table II. Random guessing draws a new linear policy for
-every trial and learns nothing: a learner is worth what it gains on that.
+every trial and learns nothing: a learner is only as good as its improvement over this baseline.
 
-## How it learns
+## Learning
 
 ![Learning curves](learning-curves.png)
 
-The length of each trial, noise-free: every run thin, the median over runs bold.
+Length of each trial, noise-free. Thin lines are runs, the thick line is the median run.
 
 ![Distribution of trials to success](trials.png)
 
-The part of the runs that had succeeded within so many trials, for each noise case. A curve that
-ends below 1 shows the runs that failed.
+Fraction of runs that succeeded within a given number of trials, for each noise case. A curve ends
+below 1 if some runs failed.
 
-## What it learned
+## Learned policies
 
 ![Policy maps](policies.png)
 
-The probability of a push to the right, with the cart at rest in the middle of its track.
+Probability of a push to the right, with the cart at rest in the middle of its track.
 
 ![Phase portraits](phases.png)
 
-Cart and pole while the policy that REINFORCE learned balances them.
+Phase portraits of cart and pole while the policy that REINFORCE learned balances them.
 
 ## All figures
 

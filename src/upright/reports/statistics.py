@@ -17,12 +17,12 @@ from upright.studies.store import Store
 from upright.support.settings import changed_values
 
 INTERVALS = ("success_ci95", "ci95", "all_runs_ci95")
-"""The fields of a row that are intervals: their two ends."""
+"""The fields of a row that are intervals, each as its two ends."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A case of a study in numbers."""
+    """Statistics of one case of a study."""
 
     agent: str
     """Name of the agent."""
@@ -33,29 +33,29 @@ class Row:
     runs: int
     """Number of runs."""
     successes: int
-    """How many of them succeeded."""
+    """Number of successful runs."""
     success_rate: float
-    """Part of the runs that succeeded."""
+    """Fraction of runs that succeeded."""
     success_ci95: tuple[float, float]
-    """Its 95 % interval (Wilson 1927)."""
+    """95 % interval of the success rate (Wilson 1927)."""
     mean_trials: float | None
-    """Mean number of trials over the successful runs; None if there is none, as below."""
+    """Mean number of trials over the successful runs; None, as below, if there are none."""
     ci95: tuple[float, float] | None
-    """Its 95 % interval (bias-corrected and accelerated bootstrap, Efron 1987)."""
+    """95 % interval of this mean (bias-corrected and accelerated bootstrap, Efron 1987)."""
     median_trials: float | None
-    """Their median."""
+    """Median number of trials over the successful runs."""
     p95_trials: float | None
-    """Their 95th percentile."""
+    """95th percentile of the number of trials over the successful runs."""
     max_trials: int | None
-    """The most trials that a successful run needed."""
+    """Largest number of trials over the successful runs."""
     mean_trials_all_runs: float
-    """Mean number of trials made over all runs; a failed run counts with all it made."""
+    """Mean number of trials over all runs, where a failed run counts with all its trials."""
     all_runs_ci95: tuple[float, float]
-    """Its 95 % interval, as above."""
+    """95 % interval of this mean (bootstrap, as above)."""
     steps_simulated: int
-    """Steps of all trials of all runs."""
+    """Total steps of all trials of all runs."""
     seconds: float
-    """Computing time of all runs, on one core."""
+    """Computing time of all runs, on one core [s]."""
     published: dict[str, float]
     """Published mean trials of the same noise case, by source."""
     seed: int
@@ -63,19 +63,19 @@ class Row:
     version: str = __version__
     """Version of this package."""
     language: str = "Python"
-    """In which language it ran."""
+    """Language that the runs were made in."""
     plant: str = "equations"
     """Name of the plant."""
     plant_settings: Mapping[str, Any] = field(default_factory=dict)
-    """Its settings that differ from the default ones."""
+    """Settings of the plant that differ from the default ones."""
 
     @property
     def name(self) -> str:
-        """Name of the agent, for people."""
+        """Name of the agent, for display."""
         return named(self.agent, self.language, self.plant)
 
     def as_data(self) -> dict[str, Any]:
-        """Return the row as JSON takes it: parts of the task stand among the others."""
+        """Return the row as data for JSON, with the fields of the task among its own."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         data: dict[str, Any] = {}
         for name, value in values.items():
@@ -84,7 +84,7 @@ class Row:
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "Row":
-        """Return the row that `as_data` described, also one of version 0.1."""
+        """Return the row that is described by the result of `as_data`, also of version 0.1."""
         parts = {field.name for field in fields(TaskSpec)}
         task = {name: value for name, value in values.items() if name in parts}
         own = {name: value for name, value in values.items() if name not in parts}
@@ -101,15 +101,15 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     case
         What was run.
     seed
-        Of the study.
+        Seed of the study.
     results
-        Of its runs, in order.
+        Results of the case's runs, in order.
 
     Returns
     -------
     Row
-        Success rate, mean, median and 95th percentile of trials to success, with 95 % intervals,
-        and the published figures of the same case.
+        Success rate and mean trials with 95 % intervals, median, 95th percentile and maximum of
+        trials, and the published figures of the same case.
 
     Examples
     --------
@@ -122,9 +122,8 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     True
     """
     trials = np.array([result.trials for result in results if result.success])
-    made = np.array([result.trials for result in results])
-    rate_interval = wilson_interval(len(trials), len(results))
-    some = len(trials) > 0
+    all_trials = np.array([result.trials for result in results])
+    succeeded = len(trials) > 0
     return Row(
         agent=case.agent,
         settings=case.label,
@@ -132,14 +131,14 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         runs=len(results),
         successes=len(trials),
         success_rate=len(trials) / max(1, len(results)),
-        success_ci95=rate_interval,
-        mean_trials=float(trials.mean()) if some else None,
-        ci95=bootstrap_interval(trials) if some else None,
-        median_trials=float(np.median(trials)) if some else None,
-        p95_trials=float(np.percentile(trials, 95)) if some else None,
-        max_trials=int(trials.max()) if some else None,
-        mean_trials_all_runs=float(made.mean()),
-        all_runs_ci95=bootstrap_interval(made),
+        success_ci95=wilson_interval(len(trials), len(results)),
+        mean_trials=float(trials.mean()) if succeeded else None,
+        ci95=bootstrap_interval(trials) if succeeded else None,
+        median_trials=float(np.median(trials)) if succeeded else None,
+        p95_trials=float(np.percentile(trials, 95)) if succeeded else None,
+        max_trials=int(trials.max()) if succeeded else None,
+        mean_trials_all_runs=float(all_trials.mean()),
+        all_runs_ci95=bootstrap_interval(all_trials),
         steps_simulated=int(sum(result.lengths.sum() for result in results)),
         seconds=sum(result.seconds for result in results),
         published=figures(case.agent, case.spec.noise),

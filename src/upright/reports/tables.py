@@ -1,4 +1,4 @@
-"""Tables of studies, for people and for programs."""
+"""Tables of studies, in formats for reading and for programs."""
 
 import csv
 import io
@@ -21,16 +21,16 @@ class Table(NamedTuple):
     head: list[str]
     body: list[list[str]]
     notes: list[str]
-    """Lines to stand below."""
+    """Lines below the table."""
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """Return a number for people; a dash for none."""
+    """Return a number as text, or a dash for None."""
     return "–" if value is None else f"{value:.{digits}f}"
 
 
 def mean_text(row: "Row") -> str:
-    """Return mean trials with their interval."""
+    """Return the mean number of trials with its interval."""
     if row.mean_trials is None or row.ci95 is None:
         return "–"
     digits = 2 if row.mean_trials < 2 else 1  # the floor is 1, and 1.04 is not 1.00
@@ -69,8 +69,8 @@ def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
     agents = {row.agent for row in rows}
     notes = sorted({_protocol(row) for row in rows})
     notes.append(
-        "Mean trials, median, p95 and max are over the successful runs; every trial counts, the "
-        "successful one included. In brackets: 95 % intervals."
+        "Mean trials, median, p95 and max are over the successful runs; every trial counts, "
+        "including the successful one. 95 % intervals are in brackets."
     )
     notes += [
         f"{source.name}: {source.citation} ({source.runs} runs, N = {source.steps:,})."
@@ -81,9 +81,9 @@ def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
 
 
 def _protocol(row: "Row") -> str:
-    """Return how the runs of a row were made, all that is not usual included."""
+    """Return how the runs of a row were made, with all values that differ from the usual ones."""
     task = row.task
-    parts = [f"{row.runs} runs a case", f"N = {task.steps:,} steps", f"start {task.start}"]
+    parts = [f"{row.runs} runs per case", f"N = {task.steps:,} steps", f"start {task.start}"]
     parts += [f"condition {task.condition}"] if task.condition != "nominal" else []
     parts += [f"at most {task.trials:,} trials"] if task.trials != TRIALS else []
     changed = {**changed_parameters(task.parameters), **row.plant_settings}
@@ -92,7 +92,7 @@ def _protocol(row: "Row") -> str:
 
 
 def to_text(table: Table) -> str:
-    """Return a table for the terminal."""
+    """Return a table as text for the terminal."""
     from rich.console import Console
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -120,7 +120,7 @@ def to_markdown(table: Table) -> str:
 
 
 def to_latex(table: Table) -> str:
-    """Return a table in LaTeX, for the package booktabs."""
+    """Return a table in LaTeX, which needs the package booktabs."""
 
     def line(cells: Sequence[str]) -> str:
         return " & ".join(_escape_latex(cell) for cell in cells) + r" \\"
@@ -134,7 +134,7 @@ def to_latex(table: Table) -> str:
 def _escape_latex(cell: str) -> str:
     for sign in "&%_#":
         cell = cell.replace(sign, "\\" + sign)
-    # A bracket that opens a line would be read as an option of the line before.
+    # LaTeX would read a bracket at the beginning of a line as an option of the previous line.
     return cell.replace("–", "--").replace("[", "{[}").replace("]", "{]}")
 
 
@@ -144,14 +144,14 @@ def to_json(rows: Sequence["Row"]) -> str:
 
 
 def to_csv(rows: Sequence["Row"]) -> str:
-    """Return the rows as comma-separated values; intervals and sources have own columns."""
-    flat = [_flatten(row) for row in rows]
-    written = io.StringIO()
-    heads = list(dict.fromkeys(name for line in flat for name in line))
-    writer = csv.DictWriter(written, heads, lineterminator="\n")
+    """Return the rows as comma-separated values, with columns for ends of intervals and sources."""
+    lines = [_flatten(row) for row in rows]
+    output = io.StringIO()
+    heads = list(dict.fromkeys(name for line in lines for name in line))
+    writer = csv.DictWriter(output, heads, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(flat)
-    return written.getvalue()
+    writer.writerows(lines)
+    return output.getvalue()
 
 
 def _flatten(row: "Row") -> dict[str, object]:
@@ -176,7 +176,7 @@ def render(rows: Sequence["Row"], format_name: str) -> str:
     Parameters
     ----------
     rows
-        What `summarise` returned, a row for each case.
+        Return values of `summarise`, one for each case.
     format_name
         "text", "markdown", "csv", "json" or "latex".
 

@@ -10,11 +10,14 @@ import ast
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from upright.agents import AGENTS, is_custom
 from upright.agents.custom import CustomAgent
+from upright.errors import UprightError
 from upright.plants import PLANTS
 from upright.support.files import PACKAGE, digest
+from upright.support.registry import Registry
 
 RUNNING = ("studies/run.py", "studies/random_streams.py")
 """Modules that make a run, besides core/."""
@@ -33,19 +36,33 @@ def fingerprint(agent: str, plant: str) -> str:
     Parameters
     ----------
     agent
-        Name of an agent of the package, or `module:name` of a custom one.
+        Name of an agent, or `module:name` of a custom one.
     plant
         Name of a plant.
     """
-    ours = _file_of(AGENTS[agent]) if not is_custom(agent) else PACKAGE / GYMNASIUM
-    files = digest(sorted(determining_files(ours, _file_of(PLANTS[plant]))), PACKAGE)
-    if not is_custom(agent):
-        return files
-    return f"{files}-{_custom_fingerprint(CustomAgent(agent))}"
+    ours, others = [], []
+    for registry, name in ((AGENTS, agent), (PLANTS, plant)):
+        if name in registry.built_in:
+            ours.append(_file_of(registry[name]))
+        else:
+            others.append(_outside_fingerprint(*_source(registry, name)))
+    if is_custom(agent):
+        ours.append(PACKAGE / GYMNASIUM)
+    return "-".join([digest(sorted(determining_files(*ours)), PACKAGE), *others])
 
 
 def _file_of(module: str) -> Path:
     return PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+
+
+def _source(registry: Registry[Any], name: str) -> tuple[str, Path]:
+    """Return the module of a thing that is not of this package, and the file of the module."""
+    if registry.is_path(name):
+        return name.partition(":")[0], CustomAgent(name).source()
+    file = registry.module(name).__file__
+    if file is None:
+        raise UprightError(f"{registry.kind} is {name!r}; its module has no file")
+    return registry[name], Path(file)
 
 
 def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
@@ -56,12 +73,11 @@ def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
     return always | {p for p in imported if not any(p.is_relative_to(part) for part in ignored)}
 
 
-def _custom_fingerprint(agent: CustomAgent) -> str:
-    """Return a digest of the file of a custom agent, and of its other modules that it imports."""
-    file, name = agent.source(), agent.agent_name.partition(":")[0]
-    depth = name.count(".") + (file.name == "__init__.py")
+def _outside_fingerprint(module: str, file: Path) -> str:
+    """Return a digest of a module that is not of this package, and of its other modules that it imports."""
+    depth = module.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
-    own = root / name.partition(".")[0] if root.name in INSTALLED else root
+    own = root / module.partition(".")[0] if root.name in INSTALLED else root
     return digest(sorted(import_closure([file], [root], own) | {file}), root)
 
 

@@ -97,7 +97,7 @@ class Registry(Mapping[str, str], Generic[S]):
             return import_module(self.built_in[name])
         try:
             return import_module(self[name])
-        except ImportError as error:
+        except (ImportError, SyntaxError) as error:
             raise UprightError(
                 f"{self.kind} is {name!r}; its module {self[name]!r} cannot be imported: {error}"
             ) from error
@@ -108,11 +108,15 @@ class Registry(Mapping[str, str], Generic[S]):
         Raises
         ------
         UprightError
-            If there is no such thing.
+            If there is no such thing, or an installed package registers what has no settings.
         """
         if self._custom is not None and self.is_path(name):
             return {"default": self._custom(name)}
-        settings: dict[str, S] = self.module(name).SETTINGS
+        settings: dict[str, S] = getattr(self.module(name), "SETTINGS", {})
+        if "default" not in settings:
+            raise UprightError(
+                f"{self.kind} is {name!r}; SETTINGS of its module {self[name]!r} has no 'default'"
+            )
         return settings
 
     def default(self, name: str) -> S:
