@@ -501,7 +501,7 @@ def test_a_policy_of_a_custom_agent_is_saved_and_played(compiled_case, tmp_path,
     pushes = [policy.push_probability(point) for point in points]
     assert pushes == [float(memory.push_probability(State(*point))) for point in points]
     assert {0.0, 1.0} == set(pushes)
-    assert trajectory(policy, compiled_case.task()).shape[1] == 4
+    assert trajectory(policy, compiled_case.spec.task()).shape[1] == 4
     capsys.readouterr()
 
 
