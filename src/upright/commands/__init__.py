@@ -8,16 +8,15 @@ May import everything.
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from typing import NoReturn
+from collections.abc import Iterable, Sequence
+from typing import Any, NoReturn
 
 from upright import __version__
 from upright.commands.parser import Parser
 from upright.support.exit_status import INTERRUPTED, exit_status
 from upright.support.registry import Registry
-from upright.support.settings import Fields
 
-COMMANDS: Registry[Fields] = Registry(
+COMMANDS: Registry[Any] = Registry(
     "command",
     {
         "learn": "upright.commands.learn",
@@ -73,7 +72,7 @@ def run(arguments: Sequence[str]) -> int:
     def work() -> int:
         asked = arguments[0] if arguments else ""
         if asked in COMMANDS:
-            parser = make_parser({asked: COMMANDS[asked]})
+            parser = make_parser([asked])
         else:
             parser = make_parser(listed_only=not any(word in COMMANDS for word in arguments))
         options = parser.parse(arguments)
@@ -83,13 +82,13 @@ def run(arguments: Sequence[str]) -> int:
     return exit_status(work)
 
 
-def make_parser(modules: Mapping[str, str] = COMMANDS, *, listed_only: bool = False) -> Parser:
+def make_parser(names: Iterable[str] | None = None, *, listed_only: bool = False) -> Parser:
     """Return the parser of the `upright` command.
 
     Parameters
     ----------
-    modules
-        The commands to be known, and their modules, which are imported.
+    names
+        The commands to be known, whose modules are imported: all unless given.
     listed_only
         Whether it is only to list them: their options and those below them are left out.
     """
@@ -99,5 +98,5 @@ def make_parser(modules: Mapping[str, str] = COMMANDS, *, listed_only: bool = Fa
         epilog=EXAMPLES,
     )
     parser.add_argument("--version", action="version", version=f"upright {__version__}")
-    parser.add_commands(modules, listed_only=listed_only)
+    parser.add_commands(COMMANDS, names, listed_only=listed_only)
     return parser

@@ -1,12 +1,12 @@
 """How the command line is read: commands below commands, and errors that take one line."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from importlib import import_module
+from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
 from upright.errors import did_you_mean, require_one_of
 from upright.support.exit_status import BAD_USE
+from upright.support.registry import Registry
 
 
 class Parser(argparse.ArgumentParser):
@@ -16,26 +16,35 @@ class Parser(argparse.ArgumentParser):
         options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         super().__init__(**options)
 
-    def add_commands(self, modules: Mapping[str, str], *, listed_only: bool = False) -> None:
+    def add_commands(
+        self,
+        commands: Registry[Any],
+        names: Iterable[str] | None = None,
+        *,
+        listed_only: bool = False,
+    ) -> None:
         """Add commands below this one, and import their modules.
 
         Parameters
         ----------
-        modules
-            The module of each command. It has a docstring, which describes the command, the first
-            line being its summary; EXAMPLES, which end its help; and either SUBCOMMANDS, the
-            modules of those below it, or `add_options(parser)` and `run(options)`, which returns
-            the exit status.
+        commands
+            The module of a command has a docstring, which describes the command, the first line
+            being its summary; EXAMPLES, which end its help; and either SUBCOMMANDS, the registry of
+            those below it, or `add_options(parser)` and `run(options)`, which returns the exit
+            status.
+        names
+            Those to be added: all unless given.
         listed_only
             Whether the commands are only to be listed, and not to be parsed: it takes less time.
         """
-        commands = self.add_subparsers(metavar="COMMAND", required=True)
-        for name, place in modules.items():
-            module = import_module(place)
-            description = (module.__doc__ or "").strip()
-            summary = description.partition("\n")[0].rstrip(".")
-            parser = commands.add_parser(
-                name, help=summary, description=description, epilog=module.EXAMPLES
+        added = self.add_subparsers(metavar="COMMAND", required=True)
+        for name in commands if names is None else names:
+            module = commands.module(name)
+            parser = added.add_parser(
+                name,
+                help=commands.summary(name).rstrip("."),
+                description=(module.__doc__ or "").strip(),
+                epilog=module.EXAMPLES,
             )
             if listed_only:
                 continue

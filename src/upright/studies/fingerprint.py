@@ -74,7 +74,7 @@ def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
 
 
 def _outside_fingerprint(module: str, file: Path) -> str:
-    """Return a digest of a module that is not of this package, and of its other modules that it imports."""
+    """Return a digest of a module outside this package, with its own modules that it imports."""
     depth = module.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
     own = root / module.partition(".")[0] if root.name in INSTALLED else root

@@ -1,10 +1,17 @@
 """Install, check and view the robot simulator Gazebo 11."""
 
-SUBCOMMANDS = {
-    "install": "upright.commands.gazebo.install",
-    "doctor": "upright.commands.gazebo.doctor",
-    "view": "upright.commands.gazebo.view",
-}
+from typing import Any
+
+from upright.support.registry import Registry
+
+SUBCOMMANDS: Registry[Any] = Registry(
+    "command",
+    {
+        "install": "upright.commands.gazebo.install",
+        "doctor": "upright.commands.gazebo.doctor",
+        "view": "upright.commands.gazebo.view",
+    },
+)
 """The commands below this one."""
 
 EXAMPLES = """\

@@ -18,7 +18,7 @@ exit status: 0 if the pole stayed up, 1 if it fell, 2 if something asked for is 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright gazebo view`."""
     add(parser, "policy")
-    add_task_options(parser, ("--noise",), as_trained=True)
+    add_task_options(parser, ("--noise", "--parameter"), as_trained=True)
     add(
         parser,
         "--steps",

@@ -3,10 +3,17 @@
 It is Q-learning and REINFORCE in MATLAB code; docs/matlab.md is its manual.
 """
 
-SUBCOMMANDS = {
-    "table": "upright.commands.matlab.table",
-    "path": "upright.commands.matlab.path",
-}
+from typing import Any
+
+from upright.support.registry import Registry
+
+SUBCOMMANDS: Registry[Any] = Registry(
+    "command",
+    {
+        "table": "upright.commands.matlab.table",
+        "path": "upright.commands.matlab.path",
+    },
+)
 """The commands below this one."""
 
 EXAMPLES = """\

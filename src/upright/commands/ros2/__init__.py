@@ -3,11 +3,18 @@
 The learner balances any cart that has these topics; docs/ros2.md describes them.
 """
 
-SUBCOMMANDS = {
-    "simulate": "upright.commands.ros2.simulate",
-    "learn": "upright.commands.ros2.learn",
-    "demo": "upright.commands.ros2.demo",
-}
+from typing import Any
+
+from upright.support.registry import Registry
+
+SUBCOMMANDS: Registry[Any] = Registry(
+    "command",
+    {
+        "simulate": "upright.commands.ros2.simulate",
+        "learn": "upright.commands.ros2.learn",
+        "demo": "upright.commands.ros2.demo",
+    },
+)
 """The commands below this one."""
 
 EXAMPLES = """\
