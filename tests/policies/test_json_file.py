@@ -421,9 +421,9 @@ BAD_TEXTS = {
     "long": ("{" + " " * JSON_LIMIT, "larger than 33,554,432 bytes"),
     "many lists": ('{"x": [' + "[]," * JSON_MARKS + "1]}", "more than 2,000,000 lists"),
     "no UTF-8": (b'{"x": "\xff"}', "cannot be read"),
-    "UTF-16": (TEXT.encode("utf-16"), "no file of a policy"),
-    "a list": ("[" + TEXT + "]", "no file of a policy"),
-    "nothing": ("", "no file of a policy"),
+    "UTF-16": (TEXT.encode("utf-16"), "not a file of a policy"),
+    "a list": ("[" + TEXT + "]", "not a file of a policy"),
+    "nothing": ("", "not a file of a policy"),
     "a long name": (TEXT.replace("q-learning", "x" * 10**6), "agent is 'xxxx"),
     "signs": (TEXT.replace("q-learning", r"\n\u001b[2J\ud800"), r"agent is '\\n\\x1b"),
 }

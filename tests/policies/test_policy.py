@@ -239,7 +239,7 @@ EDGES = ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges")
 BOMB = bytes(100_000_000)
 BAD_FILES = {
     "cut": (damage_cut, "damaged"),
-    "text": (lambda path: path.write_text("hello"), "no file of a policy"),
+    "text": (lambda path: path.write_text("hello"), "not a file of a policy"),
     "gone": (lambda path: path.unlink(), "no such file"),
     "encrypted": (damage_encrypted, "cannot be read"),
     "packed otherwise": (
