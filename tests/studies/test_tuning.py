@@ -296,8 +296,8 @@ def test_a_finished_search_makes_no_run(whole, monkeypatch):
     [
         ({"runs": 5}, "runs"),
         ({"seed": 1}, "seed"),
-        ({"steps": 301}, "steps"),
-        ({"noises": ("none",)}, "noise"),
+        ({"steps": 301}, "task"),
+        ({"noises": ("none",)}, "task"),
         ({"search": ["x_scale"]}, "space"),
     ],
     ids=str,
