@@ -52,7 +52,7 @@ def failures(name, text, capsys):
     """Return what the examples of a docstring print that they should not."""
     test = doctest.DocTestParser().get_doctest(text, {"upright": upright}, name, name, 0)
     assert test.examples, f"{name} has no example"
-    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.ELLIPSIS)
     runner.run(test)
     return capsys.readouterr().out
 

@@ -283,7 +283,7 @@ def test_two_carts_are_refused(simulate, start):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("simulate --plant jelly", "plant of a simulator is 'jelly'"),
+        ("simulate --plant jelly", "plant is 'jelly'"),
         ("simulate --ros-args -p rate:=0.0", "rate is 0.0; it must be"),
         ("learn nobody", "agent is 'nobody'; it must be one of"),
         ("learn --policy nowhere.npz", "nowhere.npz"),

@@ -21,6 +21,7 @@ import pytest
 import yaml
 from helpers import ROOT
 
+import upright
 from upright.nodes.settings import LearnerSettings, SimulatorSettings
 from upright.plants import urdf
 from upright.support.exit_status import BAD_USE
@@ -62,7 +63,7 @@ def installed(tmp_path_factory):
     command = [sys.executable, *line.split(), "--prefix", str(prefix)]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, timeout=LIMIT)
     assert done.returncode == 0, done.stderr
-    (module,) = prefix.rglob("upright_ros/simulator.py")
+    (module,) = prefix.rglob("upright_ros/__init__.py")
     return SimpleNamespace(prefix=prefix, modules=module.parents[1])
 
 
@@ -99,8 +100,9 @@ def keys(tree, name):
 
 def test_package_xml_agrees_with_the_project(about):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert "version" in project["dynamic"]
     assert about.findtext("name") == "upright_ros"
-    assert about.findtext("version") == project["version"]
+    assert about.findtext("version") == upright.__version__
     assert about.findtext("license") == project["license"]
     assert about.findtext("maintainer") in (ROOT / "LICENSE").read_text()
     assert re.fullmatch(r"\S+@\S+\.\S+", about.find("maintainer").get("email"))
@@ -109,9 +111,10 @@ def test_package_xml_agrees_with_the_project(about):
 
 
 def test_it_names_every_package_that_is_imported(needed):
-    others = {"numpy", "upright", "upright_ros", *sys.stdlib_module_names}
+    others = {"numpy", "upright", *sys.stdlib_module_names}
     files = [*PACKAGE.glob("upright_ros/*.py"), *PACKAGE.glob("launch/*.py")]
-    files += (ROOT / "src/upright/plants").glob("ros2*.py")
+    for folder in ("nodes", "plants/ros2"):
+        files += (ROOT / "src/upright" / folder).glob("*.py")
     imported = {name for path in files for name in names(path)}
     assert {"rclpy", "launch_ros"} <= imported
     assert imported - others <= needed

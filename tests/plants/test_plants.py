@@ -101,7 +101,8 @@ def test_invalid_plants_are_refused(line, message, capsys):
 
 def test_the_plants_command_explains_settings(capsys):
     assert run(["plants"]) == 0
-    assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [*PLANTS]
+    plants, _, _ = capsys.readouterr().out.partition("\n\n")
+    assert [line.partition(":")[0] for line in plants.splitlines()] == [*PLANTS]
     assert run(["plants", "mujoco"]) == 0
     assert "physics_step: MuJoCo's time step [s]" in capsys.readouterr().out
 

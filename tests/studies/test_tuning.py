@@ -137,7 +137,7 @@ def test_names_and_limits_narrow_the_space():
     ("text", "message"),
     [
         ("tempo", "search is 'tempo'; the setting must be one of learning_rate, discount"),
-        ("x_edges", "search is 'x_edges'; it has no range of its own"),
+        ("x_edges", "search is 'x_edges'; it has no default range"),
         ("discount=0.9", "search is 'discount=0.9'; it must be NAME=LOW:HIGH"),
         ("discount=a:b", "search is 'discount=a:b'; it must be NAME=LOW:HIGH"),
         ("discount=0.9:0.8", "search is 'discount=0.9:0.8'; it must be a number from LOW"),

@@ -142,7 +142,7 @@ class ReinforceAgent(NamedTuple):
 
 @compiled
 def set_policy_gradient(agent, first):
-    """Set the mean of ρ A ∇ log π(a | o) over every so many-th remembered step, from `first` on."""
+    """Set the mean of ρ A ∇ log π(a | o) over every stride-th remembered step, from `first` on."""
     gradient, network, units = agent.gradient, agent.network, agent.units
     episodes, logit_scale, stride = agent.episodes, agent.logit_scale, agent.stride
     set_to_zero(gradient)

@@ -13,7 +13,7 @@ EXAMPLES = """\
 examples:
   upright learn reinforce --save policy.npz
   upright export policy.npz policy.h     C99: one function, no allocation, float64 or float32
-  upright export policy.npz policy.onnx  ONNX (pip install 'upright[onnx]')
+  upright export policy.npz policy.onnx  ONNX (needs: pip install onnx)
   upright export policy.npz policy.json  JSON: the numbers, for play, MATLAB and Octave
   cc -std=c99 main.c -lm                 where main.c has: #include "policy.h"
 """

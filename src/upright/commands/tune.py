@@ -5,7 +5,7 @@ The first candidate is the settings the search starts from; hopeless ones are ab
 best is measured again on fresh runs. All runs have seeds of a million or more: those below are for
 tables. If interrupted, the same command continues where it stopped.
 
-It needs Optuna: pip install 'upright[tune]'
+It needs Optuna (pip install optuna).
 """
 
 import argparse

@@ -9,8 +9,9 @@ from gymnasium.spaces import Box, Discrete, Space
 from numpy.typing import NDArray
 
 from upright.core.cartpole import INTEGRATORS, has_fallen
-from upright.core.conditions import NOISES, STARTS, Noise
-from upright.core.parameters import Parameters, State, check_parameters, make_parameters
+from upright.core.conditions import Noise
+from upright.core.parameters import Parameters, State
+from upright.core.task import TaskSpec
 from upright.environments import batch
 from upright.environments.batch import Rules
 from upright.errors import UprightError, require, require_one_of
@@ -44,21 +45,23 @@ def make_rules(
     UprightError
         If a name is unknown, or a parameter or a size of the noise is impossible.
     """
-    if not isinstance(noise, Noise):
-        require_one_of("noise", noise, NOISES)
-        noise = NOISES[noise]
-    if not isinstance(start, State):
-        require_one_of("start", start, STARTS)
-        start = STARTS[start]
+    custom_noise, custom_start = isinstance(noise, Noise), isinstance(start, State)
+    task = TaskSpec.from_data(
+        {
+            "noise": "none" if custom_noise else noise,
+            "start": "random" if custom_start else start,
+            "parameters": parameters or {},
+        }
+    ).task()
+    noise = noise if isinstance(noise, Noise) else task.noise
+    start = start if isinstance(start, State) else task.start
     for label, values in (("noise", noise), ("start", start)):
         for name in _numbers(values):
             require(f"{label}.{name}", getattr(values, name), 0)
-    if not isinstance(parameters, Parameters):
-        parameters = make_parameters(parameters or {})
     require_one_of("integrator", integrator, INTEGRATORS)
     require_one_of("reward", reward, REWARDS)
     return Rules(
-        check_parameters(parameters),
+        task.parameters,
         int(INTEGRATORS[integrator]),
         _in_floats(noise),
         _in_floats(start),
