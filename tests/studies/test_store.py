@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 import pytest
-from helpers import python
+from helpers import python, write_results
 
 from upright.core.trials import Result
 from upright.errors import UprightError
@@ -212,14 +212,6 @@ def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
 # ------------------------------------------------------------------------------ several processes
 
 
-def write_rows(path, first, last, barrier):
-    barrier.wait()
-    store = Store(path)
-    for run in range(first, last):
-        store.add(KEY, 1, result(run, run, run + 1))
-    store.close()
-
-
 @pytest.mark.slow
 def test_several_processes_write_to_one_store(tmp_path):
     """They open a new file at the same moment, and some of their runs are the same."""
@@ -227,7 +219,7 @@ def test_several_processes_write_to_one_store(tmp_path):
     barrier = context.Barrier(3)
     spans = [(0, 60), (40, 100), (90, 150)]
     workers = [
-        context.Process(target=write_rows, args=(path, *span, barrier), daemon=True)
+        context.Process(target=write_results, args=(path, KEY, *span, barrier), daemon=True)
         for span in spans
     ]
     for worker in workers:
