@@ -6,10 +6,11 @@ BIN := .venv/bin
 RUNS ?= 20
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test test-matlab test-sb3 octave gazebo lint benchmark release clean
+.PHONY: help reproduce test coverage test-matlab test-sb3 octave gazebo lint benchmark release clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
+	@echo "make coverage    what the quick tests execute of each package, in lines and branches"
 	@echo "make octave      install GNU Octave for the MATLAB twin (Debian, Ubuntu)"
 	@echo "make gazebo      bring Gazebo 11 into your cache, 0.3 GB to download (Debian)"
 	@echo "make test-matlab the tests of the MATLAB twin alone"
@@ -39,6 +40,9 @@ lint: .venv/developed
 
 test: lint
 	$(BIN)/pytest
+
+coverage: .venv/developed
+	$(BIN)/python tools/measure_coverage.py
 
 octave:
 	matlab/install-octave.sh --window

@@ -53,7 +53,7 @@ def _accelerations(
     g, m, l, theta_dot = p.gravity, p.pole_mass, p.half_length, state.theta_dot  # noqa: E741
     ml = m * l
     mass_inverse = 1.0 / (p.cart_mass + m)  # a division takes as long as four products
-    sign_x_dot = (state.x_dot > 0.0) - (state.x_dot < 0.0)
+    sign_x_dot = int(state.x_dot > 0.0) - int(state.x_dot < 0.0)
     u = (force + ml * theta_dot * theta_dot * sin - p.cart_friction * sign_x_dot) * mass_inverse
     theta_acceleration = (g * sin - cos * u - (p.pole_friction / ml) * theta_dot) / (
         l * (4.0 / 3.0 - (m * mass_inverse) * (cos * cos))
