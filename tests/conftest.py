@@ -1,4 +1,4 @@
-"""Settings for all tests."""
+"""Settings and fixtures for all tests."""
 
 import os
 import signal
@@ -15,11 +15,11 @@ from upright.studies.store import Store
 
 
 class Program(NamedTuple):
-    """A program that the tests with a marker of its name need."""
+    """A program needed by the tests that are marked with its name."""
 
     title: str
     demand: str
-    """The environment variable that makes its absence a failure."""
+    """Environment variable that turns its absence into a failure."""
     installer: str
     is_there: Callable[[], bool]
 
@@ -41,17 +41,17 @@ PROGRAMS = {
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
 }
 
-# A shell starts background jobs with SIGINT ignored, and their children inherit that.
+# Shells start background jobs with SIGINT ignored, which child processes inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The same examples every time, and no deadline: the first call of a kernel compiles it.
+# The same examples every time, and no deadline, because the first call of a kernel compiles it.
 settings.register_profile("upright", deadline=None, derandomize=True, database=None)
 settings.load_profile("upright")
 
 
 @pytest.fixture(autouse=True)
 def _no_store_is_left_open(monkeypatch):
-    """Fail where a test, or what it tests, does not close a store."""
+    """Fail if a test, or the code it tests, leaves a store open."""
     left = []
     make, close = Store.__init__, Store.close
 
@@ -79,7 +79,7 @@ def _close_octave():
 
 
 def pytest_collection_modifyitems(items):
-    """Skip tests that need a missing program, unless they are demanded."""
+    """Skip tests that need a missing program, unless its environment variable demands them."""
     missing = [name for name, program in PROGRAMS.items() if not program.is_wanted()]
     for item in items:
         for name in missing:
@@ -88,7 +88,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Report prominently what was not tested."""
+    """Report prominently which tests were not run."""
     reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
     for program in PROGRAMS.values():
         missing = f"{program.title} is missing"

@@ -1,4 +1,4 @@
-"""What several tests need: plants and agents in plain Python, and a look into an agent's memory."""
+"""Shared by several tests: plants and agents in plain Python, and access to an agent's memory."""
 
 import json
 import math
@@ -19,16 +19,16 @@ from upright.plants.settings import RunContext
 from upright.reports.statistics import Row
 
 ROOT = Path(__file__).parents[1]
-"""The folder of the project."""
+"""The root folder of the project."""
 
 UPRIGHT = State(0.0, 0.0, 0.0, 0.0)
 LYING = State(0.0, 0.0, 1.0, 0.0)
 HARD_START = State(2.0, 1.0, 0.2, 1.0)
-"""Half-widths of a start from which no agent always balances, so that trials differ."""
+"""Half-widths of a start from which no agent balances every time, so that trials differ."""
 
 
 class RecordingPlant:
-    """The equations, and a record of what the plant went through."""
+    """The equations, with a record of starts, forces and states."""
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         self.inner = equations(parameters)
@@ -56,7 +56,7 @@ class RecordingPlant:
 
 
 class ScriptedPlant:
-    """A plant that falls at given steps of its trials, whatever the force."""
+    """A plant that falls at a given step of each trial, whatever the force."""
 
     def __init__(self, *falls: int) -> None:
         self.falls = iter(falls)
@@ -78,7 +78,7 @@ class ScriptedPlant:
 
 
 class LinearAgent:
-    """A fixed linear policy in plain Python, and a record of what it was told."""
+    """A fixed linear policy in plain Python, with a record of every call."""
 
     def __init__(self, *weights: float) -> None:
         self.weights = weights
@@ -101,13 +101,13 @@ class LinearAgent:
 
 
 def make_context(task: Task | None = None, spec: TaskSpec | None = None) -> RunContext:
-    """Return what a plant is made for, whose run nobody stops."""
+    """Return the context of a run that is never stopped, from which plants are made."""
     spec = spec or TaskSpec()
     return RunContext(task or spec.task(), spec, 0, np.zeros(1, np.bool_))
 
 
 def make_task(noise: str = "none", start: str = "random", **names: Any) -> Task:
-    """Return the task with these named parts in numbers."""
+    """Return in numbers the task with these named parts."""
     return TaskSpec(noise, start, **names).task()
 
 
@@ -121,31 +121,31 @@ LEARNED_ON = {
     "seed": 0,
     "run": 0,
 }
-"""What a policy learned in tests says of its task."""
+"""What a policy learned in tests states about its task."""
 GOOD_WEIGHTS = (1.0, 1.5, 20.0, 3.0)
-"""A policy that balances for as long as it is watched."""
+"""Weights of a policy that balances indefinitely."""
 POOR_WEIGHTS = (0.0, 0.0, 1.0, 0.0)
-"""A policy that falls after a while."""
+"""Weights of a policy that falls after a while."""
 
 
 LEANING = State(0.01, 0.2, 0.03, -0.1)
-"""Where the trajectories begin by which simulators are compared."""
+"""Start state of the trajectories that compare simulators."""
 PUSHES = {
     "free": [0.0] * 50,
     "constant": [10.0] * 35,
     "bang-bang": [-10.0 if step // 5 % 2 == 0 else 10.0 for step in range(50)],
 }
-"""Forces [N] over such trajectories. None leaves the track; the last two turn the pole over."""
+"""Forces [N] along those trajectories. None leaves the track; the last two tip the pole over."""
 
 
 def trajectory(plant: Any, forces: Iterable[float]) -> np.ndarray:
-    """Return the states that a plant goes through from LEANING, shape (steps, 4)."""
+    """Return the states of a plant pushed from LEANING, shape (steps, 4)."""
     plant.reset(LEANING)
     return np.array([plant.step(force) for force in forces])
 
 
 class FinePlant:
-    """The equations by RK4 with 200 steps in a time step, whose errors are negligible."""
+    """The equations by RK4 with 200 substeps per time step, which makes errors negligible."""
 
     def __init__(self, parameters: Parameters) -> None:
         self.fine = parameters._replace(time_step=parameters.time_step / 200)
@@ -161,7 +161,7 @@ class FinePlant:
 
 
 def energy(p, state):
-    """Return kinetic plus potential energy of cart and pole [J]."""
+    """Return the kinetic plus potential energy of cart and pole [J]."""
     moment = p.pole_mass * p.half_length
     return (
         0.5 * (p.cart_mass + p.pole_mass) * state.x_dot**2
@@ -181,12 +181,12 @@ def arrays(memory: Any) -> Iterator[np.ndarray]:
 
 
 def recorded_rows(path: Path) -> list[Row]:
-    """Return the rows of a table that was written as JSON."""
+    """Return the rows of a table written as JSON."""
     return [Row.from_data(values) for values in json.loads(path.read_text())]
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a program in a process of its own."""
+    """Run Python code in a separate process, with these environment variables added."""
     return subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | environment,

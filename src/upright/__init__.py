@@ -1,18 +1,19 @@
 """Learning to balance an inverted pendulum, fast and honestly measured.
 
 A pole stands on a cart that can only be pushed left or right. An agent that knows nothing of the
-physics must learn, from falling, to keep it up: for 60,000 steps of 0.02 s, unless told otherwise.
+physics must learn, by falling, to keep it upright: by default for 60,000 steps of 0.02 s.
 
 A first run
 -----------
-Let an agent learn until a trial succeeds, and see how long each of its trials lasted:
+Let an agent learn until a trial succeeds, and see how many trials that took
+and how many steps the last one lasted:
 
 >>> import upright
 >>> policy, result = upright.learn("reinforce", steps=1000, seed=1)
 >>> result.success, result.trials, int(result.lengths[-1])
 (True, 7, 1000)
 
-Let what it learned play, here under noise that it did not meet, and keep it in a file:
+Play what it learned, here under noise that it did not train with, and save it to a file:
 
 >>> played = upright.play(policy, episodes=3, noise="sensor-5")
 >>> [outcome.steps for outcome in played]
@@ -23,12 +24,13 @@ How it flows
 ------------
 Parameters → plant → noise → agent → trial → run → store → table:
 
-- A *plant* moves as its *parameters* (masses, lengths, friction) say; *noise* disturbs the push and
-  what the agent measures. With a start and the lengths of trials and runs they make a *task*.
-- A *trial* lasts until the pole falls, or has been up for the `steps` of a success. A *run* is one
+- A *plant* moves according to its *parameters* (masses, lengths, friction); *noise* disturbs the
+  push and what the agent measures. With a start and the lengths of trials and runs they form a
+  *task*.
+- A *trial* lasts until the pole falls or has stayed up for the `steps` of a success. A *run* is one
   new agent that learns from trial to trial until one succeeds; its *result* counts every trial.
-- A *case* is an agent with its settings on a task. A *study* makes many runs of some cases, on all
-  cores; a *store* keeps them in a file. A *table* has the statistics of each case.
+- A *case* is an agent with its settings on a task. A *study* runs each of its cases many times, on
+  all cores; a *store* keeps the results in a file. A *table* shows the statistics of each case.
 
 >>> case = upright.make_case("random-search", noise="gaussian-0.1", steps=500)
 >>> results = upright.study([case], runs=5, seed=0)
@@ -37,7 +39,7 @@ Parameters → plant → noise → agent → trial → run → store → table:
 >>> print(upright.render([upright.summarise(case, 0, results[case])], "text"))  # doctest: +ELLIPSIS
 Agent          Settings  Noise  ...
 
-One seed gives one result, whatever the machine, the number of cores or the order of the runs.
+The same seed gives the same result on any machine, with any number of cores and in any order.
 
 The names
 ---------
@@ -45,9 +47,9 @@ A task
     `TaskSpec` by names, `Task` in numbers; `Parameters`, `State`, `Noise`; `NOISES`, `STARTS`,
     `CONDITIONS`
 Plants and agents
-    `PLANTS`, `equations`; `AGENTS`; `compiled`, for an agent of your own that is as fast
+    `PLANTS`, `equations`; `AGENTS`; `compiled`, to make your own agents as fast
 One run
-    `learn` and `play`; in parts: `make_case`, `Case`, `make_run`, `Result`
+    `learn` and `play`; step by step: `make_case`, `Case`, `make_run`, `Result`
 Many runs
     `study`, `Store`, `summarise`, `render`
 What was learned
@@ -58,9 +60,9 @@ Gymnasium
 What goes wrong
     `UprightError`: one line that names the value and what is allowed
 
-``help(upright.learn)``, and so on, has the details of each, and an example. The command ``upright``
-does the same from a terminal (``upright --help``). In the sources, README.md is the tour,
-docs/protocol.md defines the task, and docs/agents.md tells how the agents work.
+``help(upright.learn)``, and so on, gives the details of each, with an example. The command
+``upright`` does the same from a terminal (``upright --help``). In the sources, README.md is the
+tour, docs/protocol.md defines the task, and docs/agents.md explains how the agents work.
 """
 
 from importlib import import_module
@@ -68,7 +70,7 @@ from typing import TYPE_CHECKING, Any
 
 from upright.environments.registration import register_environments as _register_environments
 
-if TYPE_CHECKING:  # for type checkers and editors, the same names as in _PLACES
+if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.agents import AGENTS as AGENTS
     from upright.core.compiled import compiled as compiled
     from upright.core.conditions import CONDITIONS as CONDITIONS
@@ -127,13 +129,13 @@ _PLACES = {
     "studies.store": ("Store",),
     "studies.study": ("study",),
 }
-"""Where each public name is found. Modules are imported when used: Numba alone takes a second."""
+"""Module of each public name, imported when first used: Numba alone takes a second."""
 
 _MODULE_OF = {name: f"upright.{place}" for place, names in _PLACES.items() for name in names}
 _NEED_GYMNASIUM = {name for name in _MODULE_OF if ".environments." in _MODULE_OF[name]}
 
 
-if not TYPE_CHECKING:  # which would take any name for granted
+if not TYPE_CHECKING:  # a type checker would accept any name
 
     def __getattr__(name: str) -> Any:
         """Return a public name, imported when first used."""
@@ -150,7 +152,7 @@ if not TYPE_CHECKING:  # which would take any name for granted
 
 
 def __dir__() -> list[str]:
-    """Return the public names; those that need Gymnasium, where it is installed."""
+    """Return the public names; those that need Gymnasium only if it is installed."""
     from importlib.util import find_spec
 
     is_there = find_spec("gymnasium") is not None

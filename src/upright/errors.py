@@ -1,4 +1,4 @@
-"""Errors that name the bad value and what is allowed."""
+"""Errors that name the wrong value and what is allowed. Imports nothing of the package."""
 
 import math
 import re
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class UprightError(ValueError):
-    """A request that cannot be met; its one line says why, and what is allowed.
+    """A request that cannot be met; its one-line message states why, and what is allowed.
 
     Examples
     --------
@@ -20,7 +20,7 @@ class UprightError(ValueError):
     """
 
 
-class Stopped(Exception):  # noqa: N818 - what happened, which is not an error
+class Stopped(Exception):  # noqa: N818 - an event, not an error
     """A plant was asked to move after its run had been stopped."""
 
 
@@ -40,7 +40,7 @@ def require(
     above
         Whether `low` itself is refused.
     whole
-        Whether it must be a whole number.
+        Whether `value` must be an integer.
     """
     kinds = int if whole else (int, float)
     if isinstance(value, kinds) and not isinstance(value, bool) and value < math.inf:
@@ -54,7 +54,7 @@ def require(
 
 
 def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
-    """Raise UprightError unless `value` is one of the allowed names; suggest the nearest."""
+    """Raise UprightError unless `value` is one of the allowed names; suggest the closest."""
     allowed = list(allowed)
     if value not in allowed:
         hint = did_you_mean(value, allowed)
@@ -62,10 +62,10 @@ def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:
-    """Return the end of an error about an unknown name: the nearest allowed one, if one is near.
+    """Return the end of an error about an unknown name: the closest allowed one, if any is close.
 
-    Upper and lower case are the same here, and so are hyphen and underscore; the hyphens that begin
-    an option do not count.
+    The comparison ignores case, takes hyphens and underscores for the same, and skips the leading
+    hyphens of an option.
 
     Examples
     --------
@@ -85,14 +85,14 @@ def did_you_mean(value: object, allowed: Iterable[str]) -> str:
 
 
 def require_module(name: str, need: str, extra: str) -> Any:
-    """Return a library that is not needed for everything.
+    """Import and return an optional library.
 
     Parameters
     ----------
     name
         Name of the module to import.
     need
-        What needs which library, such as "tuning needs Optuna".
+        What needs which library, for the error: for example, "tuning needs Optuna".
     extra
         The extra of this package that installs it.
 
@@ -108,9 +108,9 @@ def require_module(name: str, need: str, extra: str) -> Any:
 
 
 def missing(need: str, extra: str) -> UprightError:
-    """Return the error that says how to install the libraries of an extra of this package.
+    """Return the error that explains how to install the libraries of an extra of this package.
 
-    The command names the libraries themselves, which works wherever this package came from.
+    The command names the libraries themselves, which works however this package was installed.
     """
     libraries = " ".join(f"'{library}'" for library in _libraries(extra))
     command = f": pip install {libraries}" if libraries else ""
@@ -118,12 +118,12 @@ def missing(need: str, extra: str) -> UprightError:
 
 
 def _libraries(extra: str) -> list[str]:
-    """Return the requirements of an extra, as the metadata of the installed package has them."""
-    from importlib.metadata import PackageNotFoundError, requires  # late: they are slow to import
+    """Return the requirements of an extra, from the metadata of the installed package."""
+    from importlib.metadata import PackageNotFoundError, requires  # imported late: it is slow
 
     try:
         lines = requires("upright") or []
-    except PackageNotFoundError:  # the sources are on the path, but not installed
+    except PackageNotFoundError:  # the sources are on the path, but the package is not installed
         return []
     halves = (line.partition(";") for line in lines)
     mark = re.compile(rf"""extra == ['"]{re.escape(extra)}['"]""")

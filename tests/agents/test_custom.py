@@ -277,7 +277,7 @@ def test_compiled_agents_run_in_threads_and_plain_ones_in_processes(write, compi
     [
         ("x = 3", "there is no class or function 'A'"),
         ("A = 3", "there is no class or function 'A'"),
-        ("class A:" + METHODS, "it must be made from the run's random numbers alone"),
+        ("class A:" + METHODS, "it must be callable with the run's random generator alone"),
         ("def A(rng, size): ...", "alone: missing a required argument: 'size'"),
         (
             "class A:\n  def __init__(self, rng): ...\n  def act(self, observation, rng): ...",
@@ -332,15 +332,15 @@ def test_other_errors_in_a_module_keep_their_traceback(write):
     [
         (
             broken("self.steps[1] = 0\n", "self.tried[:] = np.zeros(4)\n"),
-            "it allocates an array; that is done when the agent is made",
+            "it allocates an array; do so when the agent is created",
         ),
         (
             broken("self.steps[1] += 1", "self.steps = 1"),
-            "fields cannot change; a number that does lives in an array",
+            "fields cannot change; keep numbers that do in an array",
         ),
         (
             broken("@compiled\n        def learn", "def learn"),
-            "a method that the loop calls is not under @compiled",
+            "a method that the loop calls lacks @compiled",
         ),
         (
             broken("return self.push_probability(observation) > 0.5", "return self.nothing"),

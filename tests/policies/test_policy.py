@@ -239,15 +239,15 @@ EDGES = ("x_edges", "x_dot_edges", "theta_edges", "theta_dot_edges")
 BOMB = bytes(100_000_000)
 BAD_FILES = {
     "cut": (damage_cut, "damaged"),
-    "text": (lambda path: path.write_text("hello"), "not a file of a policy"),
+    "text": (lambda path: path.write_text("hello"), "not a policy's file"),
     "gone": (lambda path: path.unlink(), "no such file"),
     "encrypted": (damage_encrypted, "cannot be read"),
     "packed otherwise": (
         replace_member("weights.npy", member(np.zeros(4)), zipfile.ZIP_LZMA),
-        "packed in an unknown way",
+        "compressed in an unknown way",
     ),
     # Objects
-    "pickled header": (damage_pickle, "its header is no text"),
+    "pickled header": (damage_pickle, "its header is not a text"),
     "pickled weights": (
         change_arrays(lambda arrays: arrays.update(weights=np.array([print] * 4, dtype=object))),
         "weights is object",
@@ -286,11 +286,11 @@ BAD_FILES = {
     "no dictionary": (replace_header("[1, 2]"), "its format is"),
     "deep": (replace_header("[" * 100_000), "cannot be read"),
     "empty header": (replace_header(""), "cannot be read"),
-    "long header": (replace_header("x" * 2_000_000), "no text of at most"),
-    "header of numbers": (replace_header(3.0), "no text"),
+    "long header": (replace_header("x" * 2_000_000), "not a text of at most"),
+    "header of numbers": (replace_header(3.0), "not a text"),
     "header claims much": (
         replace_member("header.npy", member(np.array("{}"), shape=(10**10,))),
-        "no text",
+        "not a text",
     ),
     "header holds much": (replace_member("header.npy", member(np.array("{}"), BOMB)), "longer"),
     "no character": (
@@ -310,11 +310,11 @@ BAD_FILES = {
     # Contract
     "units": (
         change_header(lambda header: header["observation"].__setitem__(2, "theta [deg]")),
-        r"it says of observation: .*\[deg\].*must be .*\[rad\]",
+        r"its observation is .*\[deg\].*must be .*\[rad\]",
     ),
     "force": (
         change_header(lambda header: header.update({"force [N]": 1.0})),
-        r"force \[N\]: 1.0; it must be 10.0",
+        r"force \[N\] is 1.0; it must be 10.0",
     ),
     # Task
     "noise": (change_task(noise="loud"), "noise is 'loud'; it must be one of none"),
@@ -330,13 +330,13 @@ BAD_FILES = {
     ),
     "less of a task": (
         change_header(lambda header: header["task"].pop("steps")),
-        "its task does not tell steps",
+        "its task does not state steps",
     ),
     "trials": (change_task(trials=0), "trials is 0"),
     "parameters": (change_task(parameters={"mass": 1.0}), "parameter is 'mass'"),
     "a parameter": (change_task(parameters={"half_length": "1"}), "half_length is '1'"),
     "list of parameters": (change_task(parameters=[9.8]), "must map names to numbers"),
-    "list of plants": (change_task(plant=["mujoco"]), "plant is .*mujoco.*; it must tell its name"),
+    "list of plants": (change_task(plant=["mujoco"]), "plant is .*mujoco.*; it must state"),
     "plant's name": (change_task(plant={"integrator": "rk4"}), "plant is ''; it must be one of"),
     "plant's integrator": (
         change_task(plant={"name": "equations", "integrator": "magic"}),

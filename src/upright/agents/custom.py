@@ -1,9 +1,9 @@
 """Custom agents, named `module:name`.
 
-The name stands for anything that, called with the run's random numbers, returns an agent: a class
-whose constructor takes them, or a function. The agent may be plain Python, which is slow, or a
-NamedTuple with methods under `upright.compiled`, which is as fast as the package's own. Or it is a
-learner that only knows Gymnasium.
+The name refers to any callable that returns an agent when called with the run's random generator: a
+class whose constructor takes the generator, or a function. The agent may be plain Python, which is
+slow; a NamedTuple whose methods have the decorator `upright.compiled`, which is as fast as the
+package's own agents; or a learner that only knows Gymnasium.
 """
 
 import inspect
@@ -30,7 +30,7 @@ METHODS = {
         ("end_trial", "(fallen)"),
     )
 }
-"""What every agent has; `upright.core.contracts.Agent` says more."""
+"""The methods of every agent; `upright.core.contracts.Agent` describes them."""
 
 
 def is_learner(agent: object) -> bool:
@@ -40,10 +40,9 @@ def is_learner(agent: object) -> bool:
 
 @dataclass(frozen=True)
 class CustomAgent:
-    """The settings of a custom agent: its name alone. Whatever else it needs is its own affair.
+    """Placeholder for the settings of a custom agent, which manages its own.
 
-    The agent is imported when it is needed, not before, so that its stored runs can be shown when
-    its code is gone.
+    The agent is imported only when needed, so its stored runs stay readable after its code is gone.
     """
 
     agent_name: str
@@ -55,7 +54,7 @@ class CustomAgent:
         Raises
         ------
         UprightError
-            If there is no agent of this name, it cannot be made from `rng` alone, or it lacks a
+            If there is no agent of this name, it cannot be created from `rng` alone, or it lacks a
             method.
         """
         make = self._make()
@@ -63,8 +62,8 @@ class CustomAgent:
             inspect.signature(make).bind(rng)
         except TypeError as error:
             raise UprightError(
-                f"agent is {self.agent_name!r}; it must be made from the run's random numbers "
-                f"alone: {error}"
+                f"agent is {self.agent_name!r}; it must be callable with the run's random "
+                f"generator alone: {error}"
             ) from None
         agent: Agent | GymnasiumLearner = make(rng)
         lacking = [text for name, text in METHODS.items() if not callable(getattr(agent, name, 0))]
@@ -77,12 +76,18 @@ class CustomAgent:
         return agent
 
     def summary(self) -> str:
-        """Return the first line of the agent's docstring, or of its module's; empty without one."""
+        """Return the first line of the docstring of the agent or its module; empty if none."""
         make = self._make()
         return (inspect.getdoc(make) or self._module().__doc__ or "").partition("\n")[0]
 
     def source(self) -> Path:
-        """Return the file of the module that the agent is found in."""
+        """Return the file of the agent's module.
+
+        Raises
+        ------
+        UprightError
+            If the module has no file.
+        """
         file = self._module().__file__
         if file is None:
             raise UprightError(f"agent is {self.agent_name!r}; its module has no file")
@@ -99,7 +104,7 @@ class CustomAgent:
         return make  # type: ignore[no-any-return]
 
     def _module(self) -> ModuleType:
-        """Return the module, which may also be in the present folder, as for Python itself."""
+        """Return the module; it may also be in the current folder, as for Python itself."""
         name = self.agent_name.partition(":")[0]
         if not all(part.isidentifier() for part in name.split(".")):
             raise UprightError(
@@ -112,7 +117,7 @@ class CustomAgent:
         except (ImportError, SyntaxError) as error:
             if _is_missing(name, error):
                 why = f"there is no module {name!r} in this folder or where Python looks"
-            else:  # the module is there, but not all that it needs, or it is not Python
+            else:  # the module exists, but something it needs does not, or it is not Python
                 why = f"its module cannot be imported: {error}"
             raise UprightError(f"agent is {self.agent_name!r}; {why}") from error
 

@@ -1,4 +1,4 @@
-"""The compiled heart: what happens in a step of a trial, and what a task is.
+"""The compiled heart: the physics, the noise, the task and the loop that runs trials.
 
-May import `upright.support` and `upright.errors`.
+May import `upright.support` and `upright.errors`; nothing here knows any particular agent.
 """

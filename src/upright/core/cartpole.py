@@ -1,8 +1,8 @@
-"""The physics: a pole hinged to a cart on a track. The only place with equations of motion.
+"""The physics: a pole hinged to a cart on a track. No other module has equations of motion.
 
 The equations are those of Barto, Sutton & Anderson (IEEE Trans. SMC 13, 1983), used by Si & Wang
 (IEEE Trans. Neural Networks 12(2), 2001) and by the course report as (3) and (4); the report prints
-(3) without the division by the total mass, which the units demand.
+(3) without the division by the total mass, which the units require.
 """
 
 from enum import IntEnum
@@ -16,25 +16,25 @@ class Integrator(IntEnum):
     """How the equations of motion advance by one time step."""
 
     EULER = 0
-    """Explicit Euler: the old velocities move the positions. The published tables use it."""
+    """Explicit Euler: positions advance with the old velocities. Used by the published tables."""
     SEMI_IMPLICIT = 1
-    """Semi-implicit Euler: the new velocities move the positions."""
+    """Semi-implicit Euler: positions advance with the new velocities."""
     RK4 = 2
-    """Classical Runge-Kutta of order 4, the force held over the step."""
+    """Classical Runge-Kutta of order 4, with the force held constant over the step."""
 
 
 INTEGRATORS = {each.name.lower().replace("_", "-"): each for each in Integrator}
 """The integrators by name."""
 EULER = int(Integrator.EULER)
-"""As a plain number, which calls pass on faster."""
+"""`Integrator.EULER` as a plain integer, which is faster to pass to compiled code."""
 
 
 @compiled
 def accelerations(parameters: Parameters, state: State, force: float) -> tuple[float, float]:
     """Return ẍ [m/s²] and θ̈ [rad/s²], the accelerations under a force F [N] on the cart.
 
-    With g the gravity, m the pole's mass, l half its length, m_c the cart's mass, and μ_c and μ_p
-    the frictions of cart and pole (report, equations (4) and (3)):
+    With g the acceleration of gravity, m the pole's mass, l half its length, m_c the cart's mass,
+    and μ_c and μ_p the frictions of cart and pole (report, equations (4) and (3)):
 
         u = (F + m l θ̇² sin θ - μ_c sgn ẋ) / (m_c + m)
         θ̈ = (g sin θ - u cos θ - μ_p θ̇ / (m l)) / (l (4/3 - m cos² θ / (m_c + m)))
@@ -48,11 +48,11 @@ def accelerations(parameters: Parameters, state: State, force: float) -> tuple[f
 def _accelerations(
     parameters: Parameters, state: State, force: float, sin: float, cos: float
 ) -> tuple[float, float]:
-    """Return the same, given sin θ and cos θ."""
+    """Return the same as `accelerations`, given sin θ and cos θ."""
     p = parameters
     g, m, l, theta_dot = p.gravity, p.pole_mass, p.half_length, state.theta_dot  # noqa: E741
     ml = m * l
-    mass_inverse = 1.0 / (p.cart_mass + m)  # once: to multiply takes a quarter as long
+    mass_inverse = 1.0 / (p.cart_mass + m)  # a division takes as long as four products
     sign_x_dot = (state.x_dot > 0.0) - (state.x_dot < 0.0)
     u = (force + ml * theta_dot * theta_dot * sin - p.cart_friction * sign_x_dot) * mass_inverse
     theta_acceleration = (g * sin - cos * u - (p.pole_friction / ml) * theta_dot) / (
@@ -64,7 +64,7 @@ def _accelerations(
 
 @compiled
 def _euler(parameters: Parameters, state: State, acceleration: tuple[float, float]) -> State:
-    """Explicit Euler, of order 1: x ← x + h ẋ, ẋ ← ẋ + h ẍ, both from the old state."""
+    """Explicit Euler, order 1: x ← x + h ẋ and ẋ ← ẋ + h ẍ, both from the old state."""
     h = parameters.time_step
     x_acceleration, theta_acceleration = acceleration
     return State(
@@ -79,7 +79,7 @@ def _euler(parameters: Parameters, state: State, acceleration: tuple[float, floa
 def _semi_implicit(
     parameters: Parameters, state: State, acceleration: tuple[float, float]
 ) -> State:
-    """Semi-implicit (symplectic) Euler, of order 1: ẋ ← ẋ + h ẍ, then x ← x + h ẋ, the new one."""
+    """Semi-implicit (symplectic) Euler, order 1: ẋ ← ẋ + h ẍ, then x ← x + h ẋ with the new ẋ."""
     h = parameters.time_step
     x_acceleration, theta_acceleration = acceleration
     x_dot = state.x_dot + h * x_acceleration
@@ -107,7 +107,7 @@ def _slope(parameters: Parameters, state: State, force: float) -> State:
 
 @compiled
 def _rk4(parameters: Parameters, state: State, force: float) -> State:
-    """Classical Runge-Kutta, of order 4: y ← y + h/6 (a + 2 b + 2 c + d)."""
+    """Classical Runge-Kutta, order 4: y ← y + h/6 (a + 2 b + 2 c + d)."""
     h = parameters.time_step
     a = _slope(parameters, state, force)
     b = _slope(parameters, _moved(state, a, 0.5 * h), force)
@@ -121,12 +121,12 @@ def _rk4(parameters: Parameters, state: State, force: float) -> State:
 
 @compiled
 def step(parameters: Parameters, state: State, force: float, integrator: int = EULER) -> State:
-    """Return the state one time step later, the force [N] acting throughout.
+    """Return the state one time step later; the force [N] acts throughout the step.
 
     Parameters
     ----------
     integrator
-        An `Integrator`, as a number.
+        An `Integrator`, as an integer.
     """
     if integrator == Integrator.RK4:
         return _rk4(parameters, state, force)
@@ -138,7 +138,7 @@ def step(parameters: Parameters, state: State, force: float, integrator: int = E
 
 @compiled
 def step_small(parameters: Parameters, state: State, force: float) -> State:
-    """Return what `step` does by Euler's rule, of an angle up to SMALL, without a branch."""
+    """Return what `step` returns by explicit Euler; branch-free, for angles up to SMALL only."""
     sin, one_less_cos = small_sine_cosine(state.theta)
     acceleration = _accelerations(parameters, state, force, sin, 1.0 - one_less_cos)
     return _euler(parameters, state, acceleration)
@@ -146,7 +146,7 @@ def step_small(parameters: Parameters, state: State, force: float) -> State:
 
 @inlined
 def has_fallen(parameters: Parameters, state: State) -> bool:
-    """Whether the pole or the cart left its limits; a place that is no number has left them."""
+    """Whether the pole or the cart is outside its limits; a NaN counts as outside."""
     return not (
         abs(state.x) <= parameters.position_limit and abs(state.theta) <= parameters.angle_limit
     )

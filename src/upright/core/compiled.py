@@ -3,10 +3,10 @@
 `compiled` is ``numba.njit`` with the choices this package makes once:
 
 - strict arithmetic (no ``fastmath``), so that a seed gives the same result on every processor;
-- the global interpreter lock released, so that runs share the cores as threads;
-- no counting of references, and no allocation, within compiled code;
-- machine code kept on disk, in a folder named after the content of the package's sources: Numba
-  alone would not notice that a function in *another* file changed.
+- the global interpreter lock released, so that threads run in parallel on all cores;
+- no reference counting and no allocation within compiled code;
+- machine code cached on disk, in a folder named after a digest of the package's sources: Numba
+  alone would not notice a change of a function in *another* file.
 """
 
 import functools
@@ -33,13 +33,13 @@ def sources_hash(*names: str) -> str:
     Parameters
     ----------
     *names
-        Files relative to the package's folder; all of its ``.py`` files when none is named.
+        Files relative to the package's folder; all of its ``.py`` files if none is named.
     """
     return digest([PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")), PACKAGE)
 
 
 def _cache_folder() -> str:
-    """Return the first folder for machine code that can be written, named after the sources."""
+    """Return the first writable folder for machine code, named after a digest of the sources."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     usual = Path(chosen).expanduser() / "upright" if chosen else user_cache()
     candidates = (usual, Path(tempfile.gettempdir()) / "upright")
@@ -57,21 +57,21 @@ CACHE_FOLDER = _cache_folder()
 
 
 class Compiled:
-    """A function compiled twice, each time when first needed.
+    """A function compiled in two forms, each when it is first needed.
 
-    For other compiled code: inlined, and without counting references to its arguments, which would
-    cost more in the loop than a step of the plant. Such a function must not allocate memory. For
-    Python: with what it takes to be called from there.
+    The form for other compiled code is inlined and does not count references to its arguments,
+    which would cost more in the loop than a step of the plant; so the function must not allocate
+    memory. The form for Python has the wrapper that Python calls need.
 
     Parameters
     ----------
     function
-        What is compiled.
+        The function to compile.
     kept
-        Whether machine code for Python is kept on disk. That of a function from outside the package
-        never is: the folder it would lie in is named after the package's sources alone.
+        Whether the machine code for Python is cached on disk. That of a function outside the
+        package never is, because the cache folder is named after the package's sources alone.
     small
-        Whether Python runs the function as it stands instead.
+        Whether Python runs the uncompiled function instead.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class Compiled:
             function, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
         )
         self._numba_type_ = types.Dispatcher(self._inner)
-        # Only this one is kept on disk, with all that it calls in it. Numba finds what it kept by
-        # name and types alone, and would take the one compiled for the other purpose.
+        # Only this form is cached on disk, together with everything it calls. Numba looks cached
+        # code up by name and types alone, and would confuse the two forms.
         self._outer = function if small else _jit(function, cache=kept, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -96,7 +96,7 @@ class Compiled:
 
 
 def _jit(function: Callable[..., Any], **options: bool) -> Any:
-    config: Any = numba.config  # Numba's own settings, which other packages in the process share
+    config: Any = numba.config  # Numba's global settings, which other packages use too
     njit: Any = numba.njit
     saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
     try:
@@ -111,13 +111,13 @@ def compiled(function: F) -> F:
     """Compile a function, or a method of a NamedTuple.
 
     A compiled function does strict arithmetic and must not allocate memory. An agent whose methods
-    are compiled runs as fast as the package's own; numbers that change live in arrays, which are
-    allocated when the agent is made.
+    are compiled runs as fast as the package's own. Numbers that change are kept in arrays, which
+    are allocated when the agent is created.
 
     Parameters
     ----------
     function
-        What is compiled, when it is first called.
+        The function to compile; this happens on its first call.
 
     Returns
     -------
@@ -143,18 +143,18 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a function for other compiled code only; Python runs it as it stands.
+    """Compile a function for other compiled code only; Python runs it uncompiled.
 
-    For a function so small that the way from Python into compiled code would cost more than it.
+    For functions so small that calling compiled code from Python would take longer.
     """
     return cast(F, Compiled(function, small=True))
 
 
 def machine_code(function: F, *arguments: Any) -> F:
-    """Return the machine code of a compiled function for arguments like these.
+    """Return the machine code of a compiled function for arguments of these types.
 
-    A call of it takes a quarter of the time, as nobody looks which types it is given: they must be
-    the same.
+    Calling it takes a quarter of the time, because argument types are not checked: they must be
+    the same as those given here.
     """
     outer: Any = cast(Compiled, function)._outer
     return cast(F, outer.compile(tuple(map(numba.typeof, arguments))))
@@ -166,17 +166,17 @@ def is_compiled(thing: object) -> bool:
 
 
 HINTS = {
-    "NRT required": "it allocates memory; arrays are allocated when the agent is made",
-    "Only accept returning of array": "it allocates an array; that is done when the agent is made",
-    "Untyped global name 'method'": "a method that the loop calls is not under @compiled",
-    "no attribute '_outer'": "a method that the loop calls is not under @compiled",
-    "No definition for lowering": "fields cannot change; a number that does lives in an array",
+    "NRT required": "it allocates memory; allocate arrays when the agent is created",
+    "Only accept returning of array": "it allocates an array; do so when the agent is created",
+    "Untyped global name 'method'": "a method that the loop calls lacks @compiled",
+    "no attribute '_outer'": "a method that the loop calls lacks @compiled",
+    "No definition for lowering": "fields cannot change; keep numbers that do in an array",
 }
-"""What the commonest complaints of Numba mean here."""
+"""What Numba's most common errors mean here."""
 
 
 def explain(error: Exception) -> str:
-    """Return in one line why something did not compile: Numba's last words, and where that is."""
+    """Return in one line why something did not compile: Numba's last error and its location."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     failures = [i for i, line in enumerate(lines) if "Failed in nopython mode" in line]
     words = lines[failures[-1] + 1 if failures else 0 :][:2] or [repr(error)]
@@ -207,11 +207,11 @@ CALLED_BY_THE_LOOP = (
 
 
 def _callable_in_compiled_code(name: str) -> None:
-    """Let compiled code call the compiled method `name` of whichever NamedTuple it meets.
+    """Let compiled code call the compiled method `name` of any NamedTuple.
 
-    Numba knows the fields of a NamedTuple but not its methods. The choice is made by type while
-    compiling, costs nothing at run time, and (unlike a function passed as an argument) is found
-    in the cache by the next process.
+    Numba knows the fields of a NamedTuple but not its methods. The method is chosen by type at
+    compile time, which costs nothing at run time, and (unlike a function passed as an argument) the
+    result can be loaded from the cache by the next process.
     """
 
     def find(instance, *arguments):  # type: ignore[no-untyped-def]  # noqa: ARG001

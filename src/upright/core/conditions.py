@@ -1,4 +1,4 @@
-"""Tasks by name: noise cases, starts, conditions, and the lengths of trials and runs. Data only."""
+"""Noise cases, starts and conditions by name, and lengths of trials and runs. Data only."""
 
 import math
 from typing import NamedTuple
@@ -18,29 +18,29 @@ PUBLISHED_NOISES = (
 
 
 STEPS, TRIALS, RUNS = 60_000, 1_000, 20
-"""The report's protocol, the default everywhere: steps of a success, trials of a run, runs."""
+"""The report's protocol, the default everywhere: steps of a success, trials per run, and runs."""
 STRICT_STEPS, STRICT_RUNS = 600_000, 100
-"""Si & Wang's protocol, the stricter one, and the leaderboard's."""
+"""Si & Wang's stricter protocol, which the leaderboard uses too."""
 
 
 class Noise(NamedTuple):
-    """Sizes of the disturbances; zero means none, and draws no random number.
+    """Sizes of the disturbances; a size of zero disturbs nothing and draws no random number.
 
     Examples
     --------
-    An environment with more noise on the measured angle than any named case has:
+    An environment with more noise on the measured angle than any named case:
 
     >>> env = upright.CartPoleEnv(noise=upright.Noise(angle=0.2))
     """
 
     actuator: float = 0.0
-    """p: the force that acts is F (1 + u), u uniform in ±p."""
+    """p: the acting force is F (1 + u), with u uniform in ±p."""
     angle: float = 0.0
-    """p: the measured angle is theta (1 + u), u uniform in ±p."""
+    """p: the measured angle is theta (1 + u), with u uniform in ±p."""
     others: float = 0.0
     """p: the same for the measured x, x_dot and theta_dot, each with its own u."""
     angle_offset: float = 0.0
-    """sigma [rad]: the measured angle is theta + n, n normal with this standard deviation."""
+    """sigma [rad]: the measured angle is theta + n, with n normal of this standard deviation."""
     hides_velocities: bool = False
     """Whether the velocities are not measured: the agent reads 0 in their place."""
 
@@ -75,8 +75,8 @@ STARTS = {
     "zero": State(0.0, 0.0, 0.0, 0.0),
     "wide": State(0.05, 0.05, math.radians(6), 0.05),
 }
-"""Half-widths of the uniform start by name: Gymnasium's convention, Si & Wang's exact zero, and one
-that lets the pole lean up to 6°.
+"""Half-widths of the uniform start state, by name: Gymnasium's convention, Si & Wang's exact zero,
+and one in which the pole leans up to 6°.
 
 Examples
 --------
@@ -89,7 +89,7 @@ class Condition(NamedTuple):
     """How a task differs from the published one, besides its noise."""
 
     varies_plant: bool = False
-    """Whether every run has a plant of its own, drawn by `draw_plant`."""
+    """Whether every run has its own plant, drawn by `draw_plant`."""
     friction: float = 1.0
     """Factor on both frictions."""
     delay: int = 0

@@ -1,4 +1,4 @@
-"""The loop in the forms that agents and plants call for: compiled, bound, or for custom code."""
+"""The forms of the loop for different agents and plants: compiled, bound, or for custom code."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -22,7 +22,7 @@ def bound_run(
     lengths: np.ndarray,
     stop: np.ndarray,
 ) -> int:
-    """Do what `run` does with a compiled agent and a plant that compiled code cannot move.
+    """Do what `run` does, for a compiled agent and a plant that compiled code cannot step.
 
     Compiles everything before the first trial, because a real-time plant will not wait, and calls
     the machine code directly, which is three times as fast.
@@ -43,27 +43,27 @@ def bound_run(
 
 
 compiled_run = compiled(run)
-"""For the package's own agents: its machine code is kept on disk."""
+"""The loop for the package's own agents; its machine code is cached on disk."""
 
 
 @cache
-def custom_run(agent: type, plant: type) -> Compiled:  # noqa: ARG001 - the cache tells them apart
-    """Return the compiled loop for code outside the package, whose changes no cache would notice.
+def custom_run(agent: type, plant: type) -> Compiled:  # noqa: ARG001 - keys of the cache
+    """Return the compiled loop for custom code, whose changes a cache on disk would not notice.
 
-    Every pair of kinds has its own loop: called from Python, a compiled function tells NamedTuples
-    apart by the names of the class and its fields and by their types alone, and would take an agent
-    for another of the same form. (Within the package, a test compares them.)
+    Every pair of types has its own loop: called from Python, a compiled function tells NamedTuples
+    apart only by the names of the class and its fields and by the fields' types, and would confuse
+    two agents of the same form. (Within the package, a test ensures that no two are alike.)
     """
     return Compiled(run, kept=False)
 
 
 def loop_for(agent: Any, plant: Any, *, kept: bool) -> Callable[..., int]:
-    """Return the loop that moves this agent and this plant fastest.
+    """Return the fastest loop for this agent and this plant.
 
     Parameters
     ----------
     kept
-        Whether machine code may be kept on disk: agent and plant are both of this package.
+        Whether machine code may be cached on disk, as agent and plant are both of this package.
     """
     if not is_compiled(agent):
         return run

@@ -1,4 +1,4 @@
-"""Many cart-poles at once, each moved exactly as `cartpole.step` moves one."""
+"""Many cart-poles at once, each advanced exactly as `cartpole.step` advances one."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from upright.core.portable_math import SMALL
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """States of many cart-poles: their x, x_dot, theta and theta_dot."""
 PART = 512
-"""Of many cart-poles, so many are moved at a time: they fit into the nearest cache."""
+"""Number of cart-poles advanced at a time: their data fit into the first-level cache."""
 
 
 @compiled
@@ -21,7 +21,7 @@ def _step_small(parameters: Parameters, state: State, force: float, _integrator:
 
 
 def _loop(advance: Callable[[Parameters, State, float, int], State]) -> Callable[..., None]:
-    """Return a loop over many cart-poles, written once for the steps that it is made for."""
+    """Return a loop over many cart-poles that advances each of them with `advance`."""
 
     @compiled
     def loop(parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int) -> None:
@@ -42,7 +42,7 @@ _small_loop, _any_loop = _loop(_step_small), _loop(step)
 def step_part(
     parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int = EULER
 ) -> None:
-    """Advance at most PART cart-poles, given the four rows of their states, as `step_many` does."""
+    """Advance at most PART cart-poles, given the four rows of their states, like `step_many`."""
     theta = states[2]
     others = 0
     for i in range(len(theta)):
@@ -59,16 +59,16 @@ def step_many(
 ) -> None:
     """Advance many independent cart-poles by one time step, in place.
 
-    Each ends in the same state as `step` gives, to the last bit.
+    The resulting states are those of `step`, to the last bit.
 
     Parameters
     ----------
     states
         Shape (4, n), float64, rows in the order of `State`.
     forces
-        Shape (n,), force on each cart [N].
+        Shape (n,), the force on each cart [N].
     integrator
-        An `Integrator`, as a number.
+        An `Integrator`, as an integer.
     """
     for first in range(0, len(forces), PART):
         end = min(first + PART, len(forces))

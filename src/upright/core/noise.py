@@ -1,7 +1,7 @@
-"""The noise: what acts on the force, and what the agent measures.
+"""The noise, on the force and on what the agent measures; and random start states.
 
-Noise on a measurement reaches the agent alone; the plant and the test for a fall see the true
-state. Every draw is made of uniform numbers from the run's own generator, so that a program in
+Noise on a measurement affects the agent alone; the plant and the test for a fall use the true
+state. Every draw is computed from uniform numbers of the run's own generator, so that a program in
 another language can follow the same stream.
 """
 
@@ -29,7 +29,7 @@ def _normal(rng: np.random.Generator) -> float:
 
 @inlined
 def disturb(noise: Noise, force: float, rng: np.random.Generator) -> float:
-    """Return the force [N] that acts when `force` was asked for."""
+    """Return the force [N] that acts when `force` is commanded."""
     if noise.actuator > 0.0:
         force *= 1.0 + _uniform(noise.actuator, rng)
     return force
@@ -37,7 +37,7 @@ def disturb(noise: Noise, force: float, rng: np.random.Generator) -> float:
 
 @inlined
 def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
-    """Return what the agent sees of the true state."""
+    """Return what the agent measures of the true state."""
     x, x_dot, theta, theta_dot = state.x, state.x_dot, state.theta, state.theta_dot
     if noise.angle > 0.0:
         theta *= 1.0 + _uniform(noise.angle, rng)
@@ -54,7 +54,7 @@ def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
 
 @inlined
 def draw_start(half_widths: State, rng: np.random.Generator) -> State:
-    """Return a start state, each component uniform in ± its half-width."""
+    """Return a start state with each component uniform in ± its half-width."""
     return State(
         _uniform(half_widths.x, rng),
         _uniform(half_widths.x_dot, rng),

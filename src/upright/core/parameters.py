@@ -1,4 +1,4 @@
-"""What a cart-pole is in numbers: its state and its parameters. Data only: no compiled code.
+"""The state and the parameters of a cart-pole. Data only: no compiled code.
 
 A state is (x, x_dot, theta, theta_dot): cart position [m] and velocity [m/s], pole angle from
 upright [rad] and angular velocity [rad/s]. Positive angles lean to +x; the force acts on the cart
@@ -54,7 +54,7 @@ class Parameters(NamedTuple):
     half_length: float = 0.5
     """Half of the pole's length [m]."""
     cart_friction: float = 0.0005
-    """Friction of the cart on its track, a force by the sign of the velocity [N]."""
+    """Coulomb friction of the cart on its track, a force against the velocity [N]."""
     pole_friction: float = 0.000002
     """Viscous friction at the hinge [N m s/rad]."""
     force: float = 10.0
@@ -62,13 +62,13 @@ class Parameters(NamedTuple):
     time_step: float = 0.02
     """Time between two pushes [s]."""
     position_limit: float = 2.4
-    """A trial ends when the cart is further than this from the middle [m]."""
+    """A trial ends when the cart is further than this from the centre of the track [m]."""
     angle_limit: float = math.radians(12)
     """A trial ends when the pole leans further than this [rad]."""
 
 
 def check_parameters(parameters: Parameters) -> Parameters:
-    """Return `parameters` with every value as a float, or raise an error that names the bad one.
+    """Return `parameters` with every value as a float, or raise an error that names the wrong one.
 
     Raises
     ------
@@ -82,12 +82,12 @@ def check_parameters(parameters: Parameters) -> Parameters:
 
 
 def make_parameters(changes: Mapping[str, float]) -> Parameters:
-    """Return the published parameters but for some that are given by name.
+    """Return the published parameters, with those given by name changed.
 
     Raises
     ------
     UprightError
-        If there is no such parameter, or its value is impossible.
+        If a name is not a parameter's, or its value is out of range.
     """
     for name in changes:
         require_one_of("parameter", name, Parameters._fields)
@@ -95,12 +95,19 @@ def make_parameters(changes: Mapping[str, float]) -> Parameters:
 
 
 def parse_parameters(texts: Iterable[str], option: str = "parameters") -> dict[str, float]:
-    """Return the parameters that texts like NAME=VALUE give.
+    """Return the parameters given by texts of the form NAME=VALUE.
+
+    Parameters
+    ----------
+    texts
+        The texts.
+    option
+        Name of the option that they belong to, for errors.
 
     Raises
     ------
     UprightError
-        If there is no such parameter, or its value is not a number; `option` gave the texts.
+        If a name is not a parameter's, or its value is not a number.
     """
     values = {}
     for name, text in pairs(option, texts):
@@ -113,6 +120,6 @@ def parse_parameters(texts: Iterable[str], option: str = "parameters") -> dict[s
 
 
 def changed_parameters(parameters: Parameters) -> dict[str, float]:
-    """Return by name the parameters that differ from the published ones."""
+    """Return the parameters that differ from the published ones, by name."""
     published = Parameters()._asdict()
     return {name: value for name, value in parameters._asdict().items() if value != published[name]}

@@ -1,8 +1,8 @@
-"""Sine, cosine and logarithm, with additions, multiplications and divisions only.
+"""Sine, cosine and logarithm by additions, multiplications and divisions alone.
 
 The C library's functions differ in their last bit between systems, which an unstable plant soon
-turns into another trajectory; and loops that call them cannot be vectorised. These give the same
-bits everywhere, and only `sine_cosine` branches.
+amplifies into a different trajectory, and loops that call them cannot be vectorised. The functions
+here return the same bits everywhere, and only `sine_cosine` branches.
 """
 
 import math
@@ -12,11 +12,11 @@ import numpy as np
 from upright.core.compiled import compiled, inlined
 
 SMALL = math.pi / 8
-"""Angles up to this [rad] need no reduction: a pole that has not fallen leans less."""
+"""Angles up to this [rad] need no range reduction; a pole that has not fallen leans less."""
 _ROUND = 1.5 * 2.0**52
-"""Adding and subtracting this rounds a float64 to the nearest whole number."""
+"""Adding and then subtracting this rounds a float64 to the nearest integer."""
 _TURN, _TURN_REST = 2 * math.pi, 2.4492935982947064e-16
-"""A full turn, as a sum of two floats."""
+"""A full turn [rad], as the sum of two floats."""
 _S1, _S2, _S3, _S4, _S5, _S6 = ((-1) ** k / math.factorial(2 * k + 1) for k in range(1, 7))
 _C1, _C2, _C3, _C4, _C5, _C6 = ((-1) ** (k + 1) / math.factorial(2 * k) for k in range(1, 7))
 _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9 = (1 / (2 * k + 1) for k in range(1, 10))
@@ -27,7 +27,7 @@ _MANTISSA_BITS = 52
 
 @inlined
 def small_sine_cosine(angle: float) -> tuple[float, float]:
-    """Return sin and 1 - cos of an angle up to SMALL [rad], by their Taylor series, to 1e-16."""
+    """Return sin and 1 - cos of an angle up to SMALL [rad] by Taylor series, accurate to 1e-16."""
     z = angle * angle
     z2 = z * z
     z4 = z2 * z2
@@ -38,9 +38,10 @@ def small_sine_cosine(angle: float) -> tuple[float, float]:
 
 @compiled
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """Return sin and cos of an angle [rad], to 2e-15.
+    """Return sin and cos of an angle [rad], accurate to 2e-15.
 
-    Beyond SMALL: whole turns removed, the series of an eighth of the rest, doubled three times.
+    Beyond SMALL, whole turns are removed, the series is evaluated at an eighth of the remainder,
+    and the angle is doubled three times.
     """
     if abs(angle) <= SMALL:
         sine, one_less_cosine = small_sine_cosine(angle)
@@ -55,7 +56,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 @inlined
 def cosine_of_turns(turns: float) -> float:
-    """Return the cosine of 0 to 1 turns, to 2e-15."""
+    """Return the cosine of an angle of 0 to 1 turns, accurate to 2e-15."""
     _, one_less_cosine = small_sine_cosine((2.0 * SMALL) * (turns - 0.5))
     for _ in range(3):
         one_less_cosine *= 2.0 * (2.0 - one_less_cosine)
@@ -64,9 +65,9 @@ def cosine_of_turns(turns: float) -> float:
 
 @inlined
 def logarithm(x: float) -> float:
-    """Return the natural logarithm of a positive normal number, to a relative 1e-15.
+    """Return the natural logarithm of a positive normal number, with a relative error of 1e-15.
 
-    x = m 2^e with m from √½ to √2; log m = 2 artanh s by its series, s = (m - 1) / (m + 1).
+    x = m 2^e with m from √½ to √2; log m = 2 artanh s by its series, with s = (m - 1) / (m + 1).
     """
     bits = np.float64(x).view(np.int64)
     exponent = (bits - _ROOT_HALF_BITS) >> _MANTISSA_BITS

@@ -1,6 +1,6 @@
-"""What a run is: a plant, a noise case, a start, and when a trial and a run end.
+"""The task of a run: a plant, a noise case, a start, and when a trial and a run end.
 
-`TaskSpec` says it in names, for people; `Task` in numbers, for the loop.
+`TaskSpec` describes it by names, for people; `Task` by numbers, for the loop.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Task(NamedTuple):
-    """The numbers that define a run, in the form that compiled code takes.
+    """The numbers that define a run, in a form that compiled code accepts.
 
     Examples
     --------
@@ -32,28 +32,28 @@ class Task(NamedTuple):
     """
 
     parameters: Parameters = Parameters()
-    """The plant."""
+    """The parameters of the plant."""
     noise: Noise = Noise()
-    """What disturbs the force and the measurement."""
+    """The noise on the force and on the measurement."""
     start: State = STARTS["random"]
-    """Half-widths of the start state."""
+    """Half-widths of the uniformly drawn start state."""
     steps: int = STEPS
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
     """A run is at most this many consecutive trials."""
     delay: int = 0
-    """How many steps pass before a push acts; until the first arrives, none does."""
+    """How many steps pass before a push acts; until the first one does, the cart is not pushed."""
 
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """A task as people name it: what options, stores, policies and tables hold.
+    """A task by names, as command-line options, stores, policies and tables hold it.
 
     Raises
     ------
     UprightError
-        If a name is unknown, a number is not a whole one in its range, or a parameter is
-        impossible.
+        If a name is unknown, a number is not an integer in its range, or a parameter is out of
+        range.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class TaskSpec:
     """The parameters of the plant."""
 
     def __post_init__(self) -> None:
-        """Refuse unknown names and impossible numbers."""
+        """Refuse unknown names and numbers out of range."""
         require_one_of("noise", self.noise, NOISES)
         require_one_of("start", self.start, STARTS)
         require_one_of("condition", self.condition, CONDITIONS)
@@ -85,7 +85,7 @@ class TaskSpec:
         object.__setattr__(self, "parameters", check_parameters(self.parameters))
 
     def task(self) -> Task:
-        """Return the task in numbers; where every run has its own plant, with the nominal one."""
+        """Return the task in numbers, with the nominal plant even if every run has its own."""
         differs, parameters = CONDITIONS[self.condition], self.parameters
         parameters = parameters._replace(
             cart_friction=differs.friction * parameters.cart_friction,
@@ -101,18 +101,18 @@ class TaskSpec:
         return self.parameters.time_step
 
     def as_data(self) -> dict[str, Any]:
-        """Return the task by names as JSON takes it; of the parameters, those that are changed."""
+        """Return the task by names, ready for JSON, with only those parameters that are changed."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return values | {"parameters": changed_parameters(self.parameters)}
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "TaskSpec":
-        """Return the task that `as_data` described; names that are missing have their defaults.
+        """Return the task that `as_data` described; missing names take their defaults.
 
         Raises
         ------
         UprightError
-            If a name is unknown, or a value is impossible.
+            If a name is unknown, or a value is out of range.
         """
         values = dict(values)
         parameters = values.pop("parameters", {})
@@ -126,9 +126,9 @@ class TaskSpec:
 
 
 def draw_plant(parameters: Parameters, rng: "np.random.Generator") -> Parameters:
-    """Return the parameters of another plant: a pole of 0.25 to 2 m, masses halved to doubled.
+    """Return the parameters of a random plant: half to twice the masses, a pole of 0.25 to 2 m.
 
-    Each factor is drawn uniformly on a scale of powers.
+    Each factor is drawn log-uniformly. The pole's length holds for a nominal pole of 1 m.
     """
     half_length, cart, pole = rng.uniform((-2, -1, -1), (1, 1, 1)).tolist()
     return parameters._replace(

@@ -1,8 +1,8 @@
 """The loop: a trial from start to fall, and a run of trials.
 
-`trial` is written once. Called as it stands it moves any plant and any agent through their methods;
-compiled, it moves the equations and the package's agents at millions of steps a second. The same
-seed gives the same trial lengths either way.
+`trial` is written once. As plain Python it works with any plant and any agent through their
+methods; compiled, it runs the equations and the package's agents at millions of steps a second. The
+same seed gives the same trial lengths either way.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from upright.core.task import Task
 
 
 class Result(NamedTuple):
-    """What came of one run.
+    """The outcome of one run.
 
     Examples
     --------
@@ -37,32 +37,32 @@ class Result(NamedTuple):
 
     @property
     def trials(self) -> int:
-        """How many trials were made."""
+        """Number of trials in the run."""
         return len(self.lengths)
 
 
 NO_PUSHES = (0.0, 0.0)
-"""The pushes [N] on their way to the cart at the start of a trial, as many as a delay may have."""
+"""Pushes [N] still in transit when a trial starts; one slot per step of the longest delay."""
 
 
 @inlined
 def delay(
     steps: int, waiting: tuple[float, float], push: float
 ) -> tuple[tuple[float, float], float]:
-    """Return the pushes [N] that wait after a new one, and the one that acts now."""
+    """Return the pushes [N] in transit after a new one is added, and the one that acts now."""
     acting = push if steps == 0 else waiting[0] if steps == 1 else waiting[1]
     return (push, waiting[0]), acting
 
 
 def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> tuple[int, bool]:
-    """Let an agent balance once, from a start to a fall or to the step that makes it a success.
+    """Let an agent balance once, from a start to a fall or to the last step of a success.
 
     Parameters
     ----------
     agent
         The learner; its memory changes.
     plant
-        The body to balance; it is reset first.
+        The plant to balance; it is reset first.
     task
         Noise, start, limits and the length of a success.
     rng
@@ -71,7 +71,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     Returns
     -------
     tuple
-        How many steps the trial lasted, and whether it ended by a fall.
+        How many steps the trial lasted, and whether it ended with a fall.
     """
     waiting = NO_PUSHES
     state = plant.reset(draw_start(task.start, rng))
@@ -113,10 +113,10 @@ def run(
     Parameters
     ----------
     agent, plant, task, rng
-        As for `trial`. The agent's memory is kept from one trial to the next.
+        As for `trial`. The agent's memory carries over from one trial to the next.
     lengths
-        Shape (task.trials,), int64. The length of each trial is written here as it ends, so that
-        another thread can watch.
+        Shape (task.trials,), int64. The length of each trial is written here as the trial ends, so
+        that another thread can watch.
     stop
         Shape (1,), bool. The run ends early, before the next trial, once another thread sets it.
 

@@ -1,4 +1,5 @@
-"""What was learned: a policy that plays, and its file formats, one a file.
+"""Learned policies: the `Policy` that plays, and one module for each file format.
 
-May import `upright.agents`, `upright.plants` and what stands left of them.
+May import `upright.agents`, `upright.plants`, `upright.pictures`, `upright.core` and what stands
+left of it.
 """

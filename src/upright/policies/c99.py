@@ -1,4 +1,4 @@
-"""Policies as a header in C99: one function, no allocation, float64 or float32."""
+"""Policies as a C99 header: one function, no allocation, float64 or float32."""
 
 import math
 import textwrap
@@ -117,14 +117,14 @@ int box = 0;
 
 
 def encode(policy: Policy) -> str:
-    """Return a policy as a header in C99: one function, no allocation.
+    """Return a policy as a C99 header: one function, no allocation.
 
     The same header serves float64 and float32.
 
     Raises
     ------
     UprightError
-        If the policy's agent does not tell its form.
+        If the policy's agent does not provide its form.
     """
     form = form_of(policy)
     return C_HEADER.format(
@@ -174,7 +174,7 @@ def _c_table(table: Table) -> str:
 
 
 def _c_edge(edge: float) -> str:
-    """Return an edge, for float rounded down: a float is above it if it is above the exact one."""
+    """Return an edge; for float rounded down, so that the same floats are above it."""
     below = np.float32(edge)
     if float(below) > edge:
         below = np.nextafter(below, np.float32(-math.inf))
@@ -190,7 +190,7 @@ def _c_list(values: Iterable[str]) -> str:
 
 
 def _c_comment(text: str) -> str:
-    r"""Return JSON as part of a comment, which it must not end: it may spell a slash as \u002f."""
+    r"""Return JSON for use within a comment; \u002f stands for a slash that would end it."""
     text = text.replace("*/", "*\\u002f").replace("/*", "\\u002f*")
     return _c_lines(text.splitlines(), " * ", " *     ")
 

@@ -1,4 +1,4 @@
-"""Checks of what the file of a policy says, whoever wrote it."""
+"""Checks of the contents of policy files, which may come from anyone."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -14,48 +14,48 @@ from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
 
 TOLD = ("noise", "start", "steps", "condition", "seed", "run")
-"""What the task of a policy must tell."""
+"""What the task of a policy must state."""
 LONGEST_ERROR = 500
-"""Characters of what is said of a file; its author chose some of them."""
+"""Maximum length of an error about a file; part of it is attacker-controlled."""
 
 
 @contextmanager
 def explained(path: Path | str) -> Iterator[None]:
-    """Make whatever is wrong with a policy's file one clear error."""
+    """Turn any error in reading a policy's file into one clear error."""
     try:
         yield
-    except Exception as error:  # nobody can list how a foreign file makes its readers fail
+    except Exception as error:  # a damaged file can make its reader fail in any way
         said = str(error)
         said = said if len(said) <= LONGEST_ERROR else said[:LONGEST_ERROR] + " …"
         raise UprightError(f"policy is {str(path)!r}; it cannot be read: {said}") from error
 
 
 def check_header(header: Any, form: str, needed: Mapping[str, type]) -> dict[str, Any]:
-    """Return a header, having made sure that it is one of this format."""
+    """Return a header after checking that it is of this format."""
     if not isinstance(header, dict) or header.get("format") != form:
-        raise ValueError(f"it does not say that its format is {form!r}")
+        raise ValueError(f"it does not state that its format is {form!r}")
     for name, kind in needed.items():
         if not isinstance(header.get(name), kind):
-            raise ValueError(f"it does not tell its {name}")
+            raise ValueError(f"it does not state its {name}")
     return header
 
 
 def check_agent(found: str, named: str | None) -> None:
-    """Make sure that no code is imported because a file says so."""
+    """Ensure that no code is imported merely because a file names it."""
     if named is not None and named != found:
         raise ValueError(f"it was learned by {found!r}, not by {named!r}")
     if named is None and AGENTS.is_path(found):
         raise ValueError(
-            f"it was learned by {found!r}, code from outside the package, which is run only if "
-            "you name it: --agent MODULE:NAME, or agent= in Python"
+            f"it was learned by {found!r}, a custom agent, whose code is run only if you name it: "
+            "--agent MODULE:NAME, or agent= in Python"
         )
 
 
 def read_task(task: dict[str, Any]) -> dict[str, Any]:
-    """Return what a policy was trained on as `Policy` takes it, checked.
+    """Return what a policy was trained on, checked, as arguments of `Policy`.
 
-    Files of version 0.1 tell neither `trials` nor `parameters`, but the integrator, and of the
-    plant its name alone.
+    Files of version 0.1 state neither `trials` nor `parameters`, but do state the integrator; of
+    the plant they give the name alone.
     """
     task = dict(task)
     plant = task.pop("plant", describe_plant(EQUATIONS))
@@ -63,16 +63,16 @@ def read_task(task: dict[str, Any]) -> dict[str, Any]:
     if isinstance(plant, str):
         plant = {"name": plant}
     elif not isinstance(plant, dict):
-        raise ValueError(f"plant is {plant!r}; it must tell its name and its settings")
+        raise ValueError(f"plant is {plant!r}; it must state its name and its settings")
     require_one_of("plant", plant.get("name", ""), PLANTS)
     if integrator is not None:
         require_one_of("integrator", integrator, INTEGRATORS)
         if plant["name"] == EQUATIONS.name:
             plant = {**plant, "integrator": integrator}
-    if plant["name"] == EQUATIONS.name:  # on which it is played; any other stands there to be read
+    if plant["name"] == EQUATIONS.name:  # it is played on this one; any other is information only
         plant = describe_plant(restore_plant(plant))
     if lacking := [name for name in TOLD if name not in task]:
-        raise ValueError(f"its task does not tell {', '.join(lacking)}")
+        raise ValueError(f"its task does not state {', '.join(lacking)}")
     seed, run = task.pop("seed"), task.pop("run")
     for name, value in (("seed", seed), ("run", run)):
         require(name, value, 0, whole=True)
@@ -80,7 +80,7 @@ def read_task(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def check_contract(policy: Policy, header: dict[str, Any], for_people: set[str]) -> None:
-    """Make sure that what the file promises is what its policy does; its task was read before."""
+    """Check that the file's contract is that of its policy; the task was checked by `read_task`."""
     for name, ours in policy.contract().items():
         if name not in {"task", *for_people} and header.get(name, ours) != ours:
-            raise ValueError(f"it says of {name}: {header[name]!r}; it must be {ours!r}")
+            raise ValueError(f"its {name} is {header[name]!r}; it must be {ours!r}")

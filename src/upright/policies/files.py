@@ -1,8 +1,8 @@
 """Saving, loading and exporting policies.
 
-Every format has a module with `encode(policy)`, which returns what a file of this format holds. A
-format that can be read again also has `begins(start)`, which tells by the first bytes of a file
-whether it is of this format, `read(path, agent)` and `read_header(path)`.
+Every format is a module with `encode(policy)`, which returns the contents of a file. Formats that
+can be read again also have `begins(start)`, which recognises a file by its first bytes,
+`read(path, agent)` and `read_header(path)`.
 """
 
 from pathlib import Path
@@ -25,14 +25,14 @@ FORMATS: Registry[Fields] = Registry(
         ".npz": "upright.policies.npz_file",
     },
 )
-"""The formats of policies by the ending of their files."""
+"""The formats of policies, by file ending."""
 
 
 def save_policy(path: Path | str, policy: Policy) -> None:
-    """Write a policy to a file that `load_policy` reads: as JSON if it ends so, else as `.npz`.
+    """Write a policy to a file that `load_policy` reads: JSON if it ends in ``.json``, else NumPy.
 
-    A NumPy archive holds all that the agent learned; JSON holds what the policy computes, in terms
-    that other languages read.
+    A NumPy archive holds everything that the agent learned; JSON holds what the policy computes, in
+    a form that other languages can read.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     Raises
     ------
     UprightError
-        If the file cannot be written, or the policy does not know the settings of its agent, which
-        an archive holds.
+        If the file cannot be written, or is to be an archive and the settings of the policy's agent
+        are unknown.
 
     Examples
     --------
@@ -59,20 +59,20 @@ def save_policy(path: Path | str, policy: Policy) -> None:
 
 
 def export_policy(path: Path | str, policy: Policy) -> None:
-    """Write a policy to a file in a form that other languages read; its ending says which.
+    """Write a policy to a file that other languages can read; the ending selects the format.
 
     Parameters
     ----------
     path
-        Where to: ``.h`` is a header in C99, ``.onnx`` is ONNX, ``.json`` is JSON.
+        The file to write: ``.h`` for a C99 header, ``.onnx`` for ONNX, ``.json`` for JSON.
     policy
-        What is written.
+        The policy to export.
 
     Raises
     ------
     UprightError
-        As `check_export`; if the policy's agent does not tell its form; or if ONNX is asked for and
-        not installed.
+        As for `check_export`; if the policy's agent does not provide its form; or if ONNX is
+        needed and not installed.
 
     Examples
     --------
@@ -86,12 +86,12 @@ def export_policy(path: Path | str, policy: Policy) -> None:
 
 
 def check_export(path: Path | str) -> Path:
-    """Return the path of an export to be written later, having made sure that it can be.
+    """Return the path of an export to be written later, after checking that it can be written.
 
     Raises
     ------
     UprightError
-        If its ending is not one of FORMATS, or it cannot be written.
+        If its ending is not in FORMATS, or it cannot be written.
     """
     require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, FORMATS)
     return check_output(path)
@@ -100,15 +100,16 @@ def check_export(path: Path | str) -> Path:
 def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     """Read a policy from a file.
 
-    Nothing in the file is executed, and no more is unpacked than the settings in it imply.
+    Nothing in the file is executed, and no more is unpacked than its settings imply.
 
     Parameters
     ----------
     path
-        A file that `save_policy` wrote, or another program in JSON; or anything else.
+        A file written by `save_policy`, or a JSON file from another program. It may come from
+        anyone.
     agent
-        The agent that learned it. A custom agent is code, which is imported, so it must be named
-        here, as in the file.
+        The agent that learned it. A custom agent is code that will be imported, so it must be named
+        here, as it is in the file.
 
     Raises
     ------
@@ -128,9 +129,9 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
 
 
 def read_header(path: Path | str) -> dict[str, Any]:
-    """Return what a policy's file says of itself: its contract, and the settings of its agent.
+    """Return the header of a policy's file: its contract, and the settings of its agent.
 
-    Of a file in JSON: all but the numbers of its form.
+    For a JSON file, this is everything except the numbers of its form.
 
     Raises
     ------
@@ -142,28 +143,28 @@ def read_header(path: Path | str) -> dict[str, Any]:
 
 
 def is_policy(path: Path | str) -> bool:
-    """Whether a file begins as a policy does, be it damaged further on."""
+    """Whether a file begins like a policy's, even if it is damaged further on."""
     return _format_of(path) is not None
 
 
 def _reader(path: Path | str) -> ModuleType:
-    """Return the module that reads a file.
+    """Return the module of the format of a file.
 
     Raises
     ------
     UprightError
-        If the file is missing, or none does.
+        If the file is missing, or in none of the formats.
     """
     if not Path(path).is_file():
         raise UprightError(f"policy is {str(path)!r}; there is no such file")
     module = _format_of(path)
     if module is None:
-        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a file of a policy")
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a policy's file")
     return module
 
 
 def _format_of(path: Path | str) -> ModuleType | None:
-    """Return the module whose format a file begins with, if there is one."""
+    """Return the module that recognises the beginning of a file, or None."""
     if not Path(path).is_file():
         return None
     with explained(path), Path(path).open("rb") as file:

@@ -1,7 +1,7 @@
-"""Forms of policies as plain data: the lists, numbers and names that JSON knows.
+"""Policy forms as plain data: lists, numbers and names, as in JSON.
 
-They may come from anywhere, so reading checks everything and has bounds. Other languages know no
-list of one: a single entry may stand without its brackets.
+Files may come from anyone, so every value is checked and sizes are bounded. Some languages write a
+one-element list as a scalar; both are accepted.
 """
 
 import math
@@ -17,16 +17,16 @@ from upright.errors import UprightError, require, require_one_of
 
 UNITS: tuple[Unit, ...] = get_args(Unit)
 SURE: tuple[Unit, ...] = ("above zero", "not below zero")
-"""Units that put out 0 or 1."""
+"""Units whose output is 0 or 1."""
 MOST_WEIGHTS, MOST_LAYERS, MOST_PAST = 10**6, 16, 100
 LARGEST = 1e9
-"""How large a weight or a scale may be, and 1 / LARGEST how small a scale. So no sum overflows."""
+"""Upper limit of weights and scales; 1 / LARGEST is the lower limit of scales. No sum overflows."""
 NUMBERS = ("layers", "scales", "past", "edges", "probabilities")
-"""The entries that hold a form; people need not see them."""
+"""The entries that hold the numbers of a form, which a header leaves out."""
 
 
 def form_entries(form: Form) -> dict[str, Any]:
-    """Return a form as plain data, which `restore_form` takes.
+    """Return a form as plain data, from which `restore_form` restores it.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def _table_entries(table: Table) -> dict[str, Any]:
 
 
 def restore_form(entries: dict[str, Any]) -> Form:
-    """Return the form that plain data tell of; entries that are not a form's are left alone.
+    """Return the form described by plain data; entries that are not a form's are ignored.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def restore_form(entries: dict[str, Any]) -> Form:
 
 def _entry(entries: Any, name: str) -> Any:
     if not isinstance(entries, dict) or name not in entries:
-        raise UprightError(f"it does not tell its {name}")
+        raise UprightError(f"it does not state its {name}")
     return entries[name]
 
 

@@ -1,7 +1,7 @@
-"""Players of forms that were read from a file: they act as agents do, and learn nothing.
+"""Plays policy forms loaded from files: memories like those of agents, without learning.
 
-Everything lies in arrays, so that all networks are of one type to the compiler, and all tables:
-machine code is made once.
+All numbers are in arrays, so that all networks have one type for the compiler, and so do all
+tables: each kind is compiled only once.
 """
 
 import math
@@ -23,9 +23,9 @@ class TablePlayer(NamedTuple):
     """A player of a table."""
 
     edges: tuple[np.ndarray, ...]
-    """Where each of the four measurements is cut."""
+    """Where the range of each of the four measurements is divided."""
     parts: tuple[int, ...]
-    """Into how many parts each is cut."""
+    """Number of parts that each range is divided into."""
     probabilities: np.ndarray
 
     @compiled
@@ -43,19 +43,19 @@ class NetworkPlayer(NamedTuple):
     """A player of a network."""
 
     weights: np.ndarray
-    """Of all layers after each other, row by row."""
+    """Weights of all layers, one layer after the other, each row by row."""
     widths: np.ndarray
-    """How many inputs there are, then how many units each layer has."""
+    """The number of inputs, then the number of units of each layer."""
     units: np.ndarray
-    """Of each layer, the place in UNITS."""
+    """Index in UNITS of the unit of each layer."""
     scales: np.ndarray
-    """Empty where measurements are taken as they are."""
+    """Divisors of the four measurements; empty if they are not scaled."""
     history: np.ndarray
-    """A block of each past step; all numbers are 0 when a trial begins."""
+    """One block for each past step; all zeros when a trial begins."""
     inputs: np.ndarray
-    """Room for the inputs of a layer."""
+    """Work space for the inputs of a layer."""
     outputs: np.ndarray
-    """Room for its outputs."""
+    """Work space for the outputs of a layer."""
 
     @compiled
     def push_probability(self, observation):
@@ -83,7 +83,7 @@ class NetworkPlayer(NamedTuple):
 
     @compiled
     def remember(self, observation, action):
-        """Take a step into the history."""
+        """Enter a step into the history."""
         if len(self.history) > 0:
             is_first = has_no_past(self.history)
             shift(self.history)
@@ -101,7 +101,7 @@ class NetworkPlayer(NamedTuple):
 
 
 def make_memory(form: policy_form.Form) -> TablePlayer | NetworkPlayer:
-    """Return what plays a form."""
+    """Return the player of a form."""
     if isinstance(form, policy_form.Table):
         return TablePlayer(
             edges=tuple(np.array(cuts, np.float64) for cuts in form.edges),
@@ -122,7 +122,7 @@ def make_memory(form: policy_form.Form) -> TablePlayer | NetworkPlayer:
 
 @compiled
 def set_inputs(player, observation):
-    """Set what the first layer takes in: the measurement, divided, and the history."""
+    """Set the inputs of the first layer: the scaled measurement and the history."""
     scales, history, inputs = player.scales, player.history, player.inputs
     for i in range(4):
         inputs[i] = observation[i] / scales[i] if len(scales) > 0 else observation[i]
@@ -132,13 +132,13 @@ def set_inputs(player, observation):
 
 @compiled
 def has_no_past(history):
-    """Whether no step of this trial is in the history yet: the push of a step is never 0."""
+    """Whether the history holds no step of this trial yet; the push of a step is never 0."""
     return history[0] == 0.0
 
 
 @compiled
 def unit_output(unit, total):
-    """Return what a unit makes of its sum."""
+    """Return the output of a unit, given the sum of its inputs."""
     if unit == ISRLU:
         return activation(total)
     if unit == TANH:

@@ -1,4 +1,4 @@
-"""Policies as JSON: a policy's form alone, which other languages write and read."""
+"""Policies as JSON: the form alone, which other languages can write and read."""
 
 import codecs
 import json
@@ -14,20 +14,20 @@ from upright.policies.policy import Policy, form_of
 
 JSON_FORMAT = "upright policy form 1"
 JSON_HEADER = {"agent": str, "task": dict, "form": str}
-"""The same of a file in JSON."""
+"""What reading needs of a file besides its format, and the types."""
 JSON_LIMIT, JSON_MARKS = 2**25, 2 * 10**6
-"""How many bytes such a file may have, enough for the largest form; and how many of them may begin
-a list, an object or a text, which take more memory than numbers.
+"""Maximum size [bytes], enough for the largest form; and maximum number of brackets, braces and
+quotes, because lists, objects and texts take more memory than numbers.
 """
 
 
 def encode(policy: Policy) -> str:
-    """Return a policy as JSON, an entry a line; `load_policy` and other languages read it.
+    """Return a policy as JSON, one entry a line; `load_policy` and other languages can read it.
 
     Raises
     ------
     UprightError
-        If the policy's agent does not tell its form, or the form is beyond what is read.
+        If the policy's agent does not provide its form, or the form is too large to be read again.
     """
     entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(form_of(policy))}
     lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())
@@ -43,25 +43,25 @@ def read(path: Path | str, agent: str | None) -> Policy:
             require_one_of("agent", entries["agent"], AGENTS)
         memory = make_memory(restore_form(entries))
         policy = Policy(entries["agent"], memory, **read_task(entries["task"]))
-        # What these say follows from the form; other languages may word it otherwise.
+        # These three follow from the form; other languages may word them differently.
         check_contract(policy, entries, {"version", "normalisation", "history"})
     return policy
 
 
 def read_header(path: Path | str) -> dict[str, Any]:
-    """Return all that a file says but the numbers of its form."""
+    """Return everything in a file except the numbers of its form."""
     with explained(path):
         entries = _read_entries(path)
     return {name: value for name, value in entries.items() if name not in NUMBERS}
 
 
 def begins(start: bytes) -> bool:
-    """Whether a file that starts so is an object in JSON."""
+    """Whether a file that starts with these bytes is a JSON object."""
     return start.removeprefix(codecs.BOM_UTF8).lstrip()[:1] == b"{"
 
 
 def _read_entries(path: Path | str) -> dict[str, Any]:
-    """Return the entries of a file in JSON, its form yet to be looked at."""
+    """Return the entries of a JSON file, its form not yet checked."""
     with Path(path).open("rb") as file:
         data = file.read(JSON_LIMIT + 1)
     if len(data) > JSON_LIMIT:
@@ -73,4 +73,4 @@ def _read_entries(path: Path | str) -> dict[str, Any]:
 
 
 def _refuse_constant(name: str) -> None:
-    raise ValueError(f"it holds {name}, which is no number")
+    raise ValueError(f"it holds {name}, which is not a number")

@@ -1,7 +1,7 @@
 """Policies as NumPy archives: a header, and the arrays of the agent's memory.
 
-`header` is a text in JSON that anybody can read. A file may come from anyone, so reading it
-executes nothing, and allocates no more than the settings in its header imply, which have bounds.
+`header` is JSON text that anyone can read. Files may come from anyone, so reading one executes
+nothing and allocates no more than the settings in its header imply, which are bounded.
 """
 
 import io
@@ -28,11 +28,11 @@ from upright.support.settings import values_of
 
 FORMAT = "upright policy 1"
 HEADER = {"agent": str, "task": dict, "settings": dict}
-"""What reading needs of a header besides its format; all else is for people."""
+"""What reading needs of a header besides its format, and the types; the rest is for people."""
 HEADER_LIMIT = 2**20
-"""Characters that a header may have."""
+"""Maximum length of a header, in characters."""
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""How arrays may be packed: so that no more is unpacked than is asked for."""
+"""Accepted compression methods, which unpack no more than is asked for."""
 
 
 def encode(policy: Policy) -> bytes:
@@ -41,7 +41,7 @@ def encode(policy: Policy) -> bytes:
     Raises
     ------
     UprightError
-        If the policy does not know the settings of its agent.
+        If the settings of the policy's agent are unknown.
     """
     if policy.settings is None:
         raise UprightError(
@@ -59,7 +59,7 @@ def encode(policy: Policy) -> bytes:
 
 
 def begins(start: bytes) -> bool:
-    """Whether a file that starts so is an archive."""
+    """Whether a file that starts with these bytes is an archive."""
     return start[:2] == b"PK"
 
 
@@ -88,7 +88,7 @@ def read_header(path: Path | str) -> dict[str, Any]:
 def _opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
     """Open a policy's file."""
     if not zipfile.is_zipfile(path):
-        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a file of a policy")
+        raise UprightError(f"policy is {str(path)!r}; it is damaged, or not a policy's file")
     with explained(path), zipfile.ZipFile(path) as archive:
         yield archive
 
@@ -96,11 +96,11 @@ def _opened(path: Path | str) -> Iterator[zipfile.ZipFile]:
 def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
     """Return the header of an archive, checked."""
     if any(info.compress_type not in PACKINGS for info in archive.infolist()):
-        raise ValueError("it is packed in an unknown way")
+        raise ValueError("it is compressed in an unknown way")
     with archive.open("header.npy") as member:
         shape, _, dtype = _declared(member)
         if shape != () or dtype.kind != "U" or dtype.itemsize > 4 * HEADER_LIMIT:
-            raise ValueError(f"its header is no text of at most {HEADER_LIMIT:,} characters")
+            raise ValueError(f"its header is not a text of at most {HEADER_LIMIT:,} characters")
         header = json.loads(str(np.ndarray((), dtype, _read(member, dtype.itemsize))))
     return check_header(header, FORMAT, HEADER)
 
@@ -108,9 +108,9 @@ def _read_header(archive: zipfile.ZipFile) -> dict[str, Any]:
 def _fill(
     memory: Any, archive: zipfile.ZipFile, *, finite: bool, renamed: Mapping[str, str]
 ) -> None:
-    """Set all arrays of a memory, having compared what is declared with what is due.
+    """Fill all arrays of a memory after checking that the archive declares the same ones.
 
-    `renamed` holds the present names of arrays that older files hold under other names.
+    `renamed` maps the names of arrays in older files to their present names.
     """
     arrays = arrays_of(memory)
     present = {f"{old}.npy": f"{new}.npy" for old, new in renamed.items()}
@@ -118,7 +118,7 @@ def _fill(
     found = [present.get(name, name) for name in archive.namelist()]
     due = ["header.npy", *(f"{name}.npy" for name, _ in arrays)]
     if sorted(found) != sorted(due):
-        odd = sorted(set(found) ^ set(due)) or "one that is there twice"
+        odd = sorted(set(found) ^ set(due)) or "one that occurs twice"
         raise ValueError(f"it does not hold the arrays of its agent; it differs in {odd}")
     for name, array in arrays:
         with archive.open(members[f"{name}.npy"]) as member:
@@ -135,22 +135,22 @@ def _fill(
 
 
 def _declared(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Return what a NumPy file says it holds: shape, whether column by column, and type."""
+    """Return what a NumPy file declares: shape, whether in column order, and type."""
     if np.lib.format.read_magic(member) != (1, 0):
-        raise ValueError("it is written in an unknown way")
+        raise ValueError("it is in an unknown version of NumPy's format")
     return np.lib.format.read_array_header_1_0(member)
 
 
 def _read(member: IO[bytes], size: int) -> bytes:
-    """Return the rest of a file, which must have this size; no more is unpacked."""
+    """Return the rest of a file, which must have this size [bytes]; no more is unpacked."""
     data = member.read(size + 1)
     if len(data) != size:
-        raise ValueError(f"{member.name} is shorter or longer than it says")
+        raise ValueError(f"{member.name} is shorter or longer than it declares")
     return data
 
 
 def arrays_of(memory: Any, prefix: str = "") -> list[tuple[str, np.ndarray]]:
-    """Return all arrays of a memory, those of the tuples in it included, by name."""
+    """Return the names and arrays of a memory, including those of tuples within it."""
     found = []
     for name, value in memory._asdict().items():
         if isinstance(value, np.ndarray):

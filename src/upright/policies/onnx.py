@@ -13,21 +13,22 @@ from upright.errors import require_module
 from upright.policies.policy import Policy, describe, form_of
 
 OPSET, IR_VERSION = 13, 7
-"""Of 2020, and all that is needed: old runtimes shall read it."""
+"""Versions of 2020, which suffice and which old runtimes can read too."""
 
 
 def encode(policy: Policy) -> bytes:
-    """Return a policy as a graph in ONNX, checked by ONNX itself.
+    """Return a policy as an ONNX graph, checked by ONNX itself.
 
-    Inputs and outputs are float32, a row for each cart-pole: `observation`, shape (batch, 4), gives
-    `push_probability`, shape (batch, 1). A policy with a history also takes `history`, shape
-    (batch, 5 past), zeros when a trial begins, and gives `next_history`. Within, numbers are
-    float64: in float32 a probability may be off by some 1e-6, and a push near its border another.
+    Inputs and outputs are float32, one row a cart-pole: from `observation`, shape (batch, 4), the
+    graph computes `push_probability`, shape (batch, 1). A policy with a history also takes
+    `history`, shape (batch, 5 past), zeros when a trial begins, and returns `next_history`. Inside,
+    numbers are float64: in float32 a probability might be off by some 1e-6, and a push near the
+    threshold might differ.
 
     Raises
     ------
     UprightError
-        If the policy's agent does not tell its form, or ONNX is not installed.
+        If the policy's agent does not provide its form, or ONNX is not installed.
     """
     form, onnx = form_of(policy), require_module("onnx", "this export needs ONNX", "onnx")
     graph = _Graph(onnx)
@@ -65,7 +66,7 @@ def _values(onnx: Any, widths: dict[str, int]) -> list[Any]:
 
 
 class _Graph:
-    """The nodes of a graph, and its constants."""
+    """The nodes and the constants of a graph."""
 
     def __init__(self, onnx: Any) -> None:
         self._onnx = onnx
@@ -79,7 +80,7 @@ class _Graph:
         return name
 
     def cast(self, value: str, kind: str, name: str = "") -> str:
-        """Add a change of type, by its name in ONNX."""
+        """Add a conversion to a type, given its name in ONNX, and return the name of its output."""
         return self.add("Cast", value, name=name, to=getattr(self._onnx.TensorProto, kind))
 
     def constant(self, value: Any, kind: type = np.float64) -> str:
@@ -109,7 +110,7 @@ def _add_network(graph: _Graph, network: Network) -> None:
 
 
 def _add_history(graph: _Graph, observation: str, past: int) -> str:
-    """Add the history; where a trial begins, as if it had always been like this."""
+    """Add the history; when a trial begins, as if the past had been like the present."""
     history = graph.cast("history", "DOUBLE")
     push = graph.add("Gather", history, graph.constant([0], np.int64), axis=1)
     begins = _compare(graph, "Equal", push)
@@ -135,7 +136,7 @@ def _add_unit(graph: _Graph, total: str, unit: Unit) -> str:
 
 
 def _compare(graph: _Graph, operator: str, value: str) -> str:
-    """Add a comparison of a value with zero."""
+    """Add a comparison of a value with zero and return the name of its output."""
     return graph.add(operator, value, graph.constant(0))
 
 

@@ -1,4 +1,4 @@
-"""A learned policy: what it computes, and the contract that says how to use it."""
+"""A learned policy: what it computes, and the contract that describes how to use it."""
 
 import json
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ ACTION = "push to the right (+F) with the probability that the policy returns, e
 
 @dataclass(frozen=True)
 class Policy:
-    """A learned policy. It balances as an agent does, and does not learn.
+    """A learned policy. It balances like an agent, without learning.
 
     Examples
     --------
@@ -36,7 +36,7 @@ class Policy:
     agent: str
     """Name of the agent that learned it."""
     memory: Any
-    """Its memory."""
+    """The memory of that agent."""
     learned_on: TaskSpec
     """The task that it learned on."""
     seed: int = 0
@@ -44,9 +44,9 @@ class Policy:
     run: int = 0
     """Number of the run in that study."""
     plant: Mapping[str, Any] = field(default_factory=lambda: describe_plant(EQUATIONS))
-    """The plant that it learned on as data: its name, and its settings where they are known."""
+    """The plant that it learned on as data: its name, and its settings if they are known."""
     settings: Settings | None = None
-    """The settings of its agent; None if they are unknown, as a file in JSON does not tell them."""
+    """The settings of its agent; None if unknown, because JSON files do not hold them."""
 
     def __post_init__(self) -> None:
         """Reset to the start of a trial."""
@@ -57,7 +57,7 @@ class Policy:
         return float(self.memory.push_probability(State(*map(float, observation))))
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Forget what was measured in the trial before, where that plays a part."""
+        """Forget the history of the previous trial, if the policy has one."""
         if self._has_history:
             self.memory.begin_trial(rng)
 
@@ -66,7 +66,7 @@ class Policy:
         return bool(rng.random() < self.push_probability(observation))
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        """Learn nothing; remember what was measured, where that plays a part."""
+        """Learn nothing; enter the step into the history, if the policy has one."""
         if self._has_history:
             self.memory.remember(before, action)
 
@@ -75,22 +75,22 @@ class Policy:
         return hasattr(self.memory, "remember")
 
     def end_trial(self, fallen: bool) -> None:
-        """Learn nothing."""
+        """Do nothing; a policy does not learn."""
 
     @property
     def task(self) -> dict[str, Any]:
-        """What it learned on, as JSON takes it."""
+        """The task that it learned on, ready for JSON."""
         task = self.learned_on.as_data() | {"seed": self.seed, "run": self.run}
         plant = {} if self.plant == describe_plant(EQUATIONS) else {"plant": dict(self.plant)}
         return task | plant
 
     @property
     def form(self) -> Form | None:
-        """What it computes, as data; None of an agent that does not tell."""
+        """What it computes, as data; None if its agent does not provide that."""
         return self.memory.policy_form() if hasattr(self.memory, "policy_form") else None
 
     def contract(self) -> dict[str, Any]:
-        """Return all that one must know to use the policy, as JSON takes it."""
+        """Return all that one needs to know to use the policy, ready for JSON."""
         form, parameters = self.form, self.learned_on.parameters
         inputs = form.contract() if form else {"normalisation": "known to the agent alone"}
         return {
@@ -111,18 +111,18 @@ def form_of(policy: Policy) -> Form:
     Raises
     ------
     UprightError
-        If the policy's agent does not say.
+        If the policy's agent does not provide it.
     """
     if policy.form is None:
         raise UprightError(
-            f"agent is {policy.agent!r}; its policy cannot be exported: that takes the method "
+            f"agent is {policy.agent!r}; its policy cannot be exported: it lacks the method "
             "policy_form(), which returns a Network or a Table of upright.agents.parts.policy_form"
         )
     return policy.form
 
 
 def describe(contract: dict[str, Any]) -> str:
-    """Return a contract or a header as text: an entry a line, in printable characters alone."""
+    """Return a contract or a header as text: one entry a line, printable characters only."""
     return "\n".join(
         f"{json.dumps(name)[1:-1]}: {json.dumps(value)}" for name, value in contract.items()
     )

@@ -1,4 +1,4 @@
-"""Runs and studies: cases, random streams, the store, tuning, playing, watching.
+"""Runs and studies: cases, random streams, the store, tuning, playing and watching.
 
 May import everything except `upright.reports`, `upright.nodes` and `upright.commands`.
 """

@@ -1,4 +1,4 @@
 """What several learning rules share: boxes, scales, networks, Adam, episodes, histories, policies.
 
-May import what `upright.agents` may.
+May import what `upright.agents` may, but no agent.
 """

@@ -1,1 +1,4 @@
-"""The cart-pole in Gazebo 11: the plant, its server, world and window, and an installer."""
+"""The cart-pole in Gazebo 11: the plant, its server, world and window, and an installer.
+
+May import what `upright.plants` may.
+"""
