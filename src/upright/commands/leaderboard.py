@@ -11,7 +11,7 @@ from upright.core.conditions import STRICT_STEPS
 
 EXAMPLES = """\
 examples:
-  upright leaderboard                    100 runs a case, N = 600,000, into docs/leaderboard.md
+  upright leaderboard                    100 runs per case, N = 600,000, into docs/leaderboard.md
   upright leaderboard --agents adaptive-lqr,my_module:MyAgent,random-search --runs 20
 """
 

@@ -11,7 +11,7 @@ from upright.commands.showing import telling_what_is_kept
 
 EXAMPLES = """\
 examples:
-  upright reproduce                      20 runs a case, as in the report, into results/
+  upright reproduce                      20 runs per case, as in the report, into results/
   upright reproduce --runs 100           the stricter form; reuses finished runs
   upright reproduce --output /tmp/again
 """
