@@ -5,6 +5,7 @@ import pytest
 
 from upright.agents import AGENTS
 from upright.plants import PLANTS
+from upright.studies import fingerprint as fingerprints
 from upright.studies.fingerprint import determining_files, fingerprint, import_closure
 from upright.support.files import PACKAGE, digest
 
@@ -123,3 +124,17 @@ def test_imports_count_wherever_they_stand(tmp_path):
     found = import_closure([tmp_path / "start.py"], [tmp_path], tmp_path)
     names = {str(path.relative_to(tmp_path)) for path in found}
     assert names == texts.keys() - {"other.py", "other.csv"}
+
+
+def test_the_parts_of_the_package_that_a_custom_agent_imports_count(tmp_path):
+    text = (
+        "from upright.agents.parts import boxes\nfrom upright import compiled\nimport neighbour\n"
+    )
+    (tmp_path / "mine.py").write_text(text)
+    (tmp_path / "neighbour.py").write_text("import upright.agents.parts.least_squares\n")
+    root, files = fingerprints.outside_files("mine", tmp_path / "mine.py")
+    assert (root, {path.name for path in files}) == (tmp_path, {"mine.py", "neighbour.py"})
+    used = fingerprints._used_of_this_package(files)
+    names = {path.relative_to(PACKAGE).as_posix() for path in used}
+    assert {"agents/parts/boxes.py", "agents/parts/least_squares.py"} <= names
+    assert "__init__.py" not in names

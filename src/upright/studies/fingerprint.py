@@ -40,12 +40,15 @@ def fingerprint(agent: str, plant: str) -> str:
     plant
         Name of a plant.
     """
-    ours, others = [], []
+    ours: list[Path] = []
+    others: list[str] = []
     for registry, name in ((AGENTS, agent), (PLANTS, plant)):
         if name in registry.built_in:
             ours.append(_file_of(registry[name]))
         else:
-            others.append(_outside_fingerprint(*_source(registry, name)))
+            root, files = outside_files(*_source(registry, name))
+            others.append(digest(sorted(files), root))
+            ours += _used_of_this_package(files)
     if is_custom(agent):
         ours.append(PACKAGE / GYMNASIUM)
     return "-".join([digest(sorted(determining_files(*ours)), PACKAGE), *others])
@@ -73,12 +76,20 @@ def determining_files(*modules: Path, package: Path = PACKAGE) -> set[Path]:
     return always | {p for p in imported if not any(p.is_relative_to(part) for part in ignored)}
 
 
-def _outside_fingerprint(module: str, file: Path) -> str:
-    """Return a digest of a module outside this package, with its own modules that it imports."""
+def outside_files(module: str, file: Path) -> tuple[Path, set[Path]]:
+    """Return the root and the files of a module outside this package and of its own it imports."""
     depth = module.count(".") + (file.name == "__init__.py")
     root = file.parents[depth]
     own = root / module.partition(".")[0] if root.name in INSTALLED else root
-    return digest(sorted(import_closure([file], [root], own) | {file}), root)
+    return root, import_closure([file], [root], own) | {file}
+
+
+def _used_of_this_package(files: Iterable[Path]) -> list[Path]:
+    """Return the modules of this package that other files import, its public face excepted."""
+    scripts = [path for path in files if path.suffix == ".py"]
+    used = {module for path in scripts for module in _used_by(path, [PACKAGE.parent])}
+    face = PACKAGE / "__init__.py"
+    return [path for path in used if path.is_relative_to(PACKAGE) and path != face]
 
 
 def import_closure(modules: Iterable[Path], roots: Iterable[Path], within: Path) -> set[Path]:
