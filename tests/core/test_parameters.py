@@ -94,3 +94,58 @@ def test_parameters_are_numbers_whatever_they_are_given_as():
 def test_impossible_parameters_are_refused_by_name(changes, named):
     with pytest.raises(upright.UprightError, match=named):
         upright.make_case("random-search", parameters=changes)
+
+
+def test_rows_of_different_plants_can_be_told_apart():
+    cases = [upright.make_case("random-search", steps=50, parameters=p) for p in ({}, LONG)]
+    results = upright.study(cases, runs=2)
+    text = upright.render([upright.summarise(c, 0, results[c]) for c in cases], "markdown")
+    head, _, usual, changed, *_ = text.splitlines()
+    assert "| Task |" in head
+    assert "half_length" not in usual
+    assert "half_length 1.0 |" in changed
+    alone = upright.render([upright.summarise(cases[1], 0, results[cases[1]])], "markdown")
+    assert "| Task |" not in alone
+
+
+def test_published_figures_are_of_the_published_plant_alone():
+    cases = [upright.make_case("random-search", steps=50, parameters=p) for p in ({}, LONG)]
+    usual, changed = (upright.summarise(c, 0, upright.study([c], runs=1)[c]) for c in cases)
+    assert usual.published
+    assert not changed.published
+
+
+def test_boards_say_that_the_plant_is_another(tmp_path):
+    from upright.reports.leaderboards import BoardPlan, leaderboard, robust
+
+    plan = BoardPlan(("random-search",), runs=1, steps=50, parameters={"half_length": 1.0})
+    for write in (leaderboard, robust):
+        path = tmp_path / f"{write.__name__}.md"
+        write(path, plan, lambda text: None)
+        board = path.read_text()
+        assert "--parameter half_length=1.0" in board
+        assert "The plant is not the published one**: half_length 1.0." in board
+        assert "*Si & Wang 2001" not in board
+
+
+@pytest.mark.parametrize("wrong", [3, "half_length=1", [1.0], None])
+def test_parameters_of_another_kind_are_refused(wrong):
+    with pytest.raises(upright.UprightError, match=r"parameters is .*; it must be Parameters, or"):
+        upright.TaskSpec(parameters=wrong)
+
+
+def test_parameters_may_be_given_by_name():
+    assert upright.TaskSpec(parameters=LONG).parameters == Parameters(**LONG)
+
+
+@pytest.mark.parametrize("value", [1e-9, 1e-300])
+def test_what_mujoco_cannot_simulate_is_refused_in_one_line(value):
+    with pytest.raises(upright.UprightError, match="MuJoCo refuses these parameters") as error:
+        upright.learn("random-search", plant="mujoco", parameters={"half_length": value})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", [1e10, 10**400])
+def test_parameters_beyond_reason_are_refused(value):
+    with pytest.raises(upright.UprightError, match=r"cart_mass is 1.*at most 1,000,000,000"):
+        upright.TaskSpec(parameters={"cart_mass": value})

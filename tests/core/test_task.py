@@ -143,8 +143,14 @@ def test_a_task_that_cannot_be_is_refused_by_name(parts, message):
         ({"parameters": {"half_length": 0}}, "half_length is 0; it must be a number, above 0"),
         ({"parameters": {"gravity": math.nan}}, "gravity is nan; it must be a number"),
         ({"parameters": {"gravity": "9.8"}}, "gravity is '9.8'; it must be a number"),
-        ({"parameters": [9.8]}, "parameters is [9.8]; it must map names to numbers"),
-        ({"parameters": None}, "parameters is None; it must map names to numbers"),
+        (
+            {"parameters": [9.8]},
+            "parameters is [9.8]; it must be Parameters, or map names to numbers",
+        ),
+        (
+            {"parameters": None},
+            "parameters is None; it must be Parameters, or map names to numbers",
+        ),
     ],
     ids=str,
 )

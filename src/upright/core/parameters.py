@@ -67,17 +67,22 @@ class Parameters(NamedTuple):
     """A trial ends when the pole leans further than this [rad]."""
 
 
+LARGEST = 10**9
+"""The largest value of any parameter; beyond it, sums overflow."""
+
+
 def check_parameters(parameters: Parameters) -> Parameters:
     """Return `parameters` with every value as a float, or raise an error that names the wrong one.
 
     Raises
     ------
     UprightError
-        If a value is not finite, a friction is negative, or another quantity is not positive.
+        If a value is not finite or beyond LARGEST, a friction is negative, or another quantity is
+        not positive.
     """
     for name, value in parameters._asdict().items():
         zero_allowed = name in ("cart_friction", "pole_friction", "gravity")
-        require(name, value, 0, above=not zero_allowed)
+        require(name, value, 0, LARGEST, above=not zero_allowed)
     return Parameters(*map(float, parameters))
 
 

@@ -73,7 +73,7 @@ class TaskSpec:
     trials: int = TRIALS
     """A run is at most this many consecutive trials."""
     parameters: Parameters = Parameters()
-    """The parameters of the plant."""
+    """The parameters of the plant, or a dictionary of those that differ from the published ones."""
 
     def __post_init__(self) -> None:
         """Refuse unknown names and numbers out of range."""
@@ -82,7 +82,7 @@ class TaskSpec:
         require_one_of("condition", self.condition, CONDITIONS)
         require("steps", self.steps, 1, 10**9, whole=True)
         require("trials", self.trials, 1, 10**6, whole=True)
-        object.__setattr__(self, "parameters", check_parameters(self.parameters))
+        object.__setattr__(self, "parameters", _parameters(self.parameters))
 
     def task(self) -> Task:
         """Return the task in numbers, with the nominal plant even if every run has its own."""
@@ -114,15 +114,18 @@ class TaskSpec:
         UprightError
             If a name is unknown, or a value is out of range.
         """
-        values = dict(values)
-        parameters = values.pop("parameters", {})
         for name in values:
             require_one_of("part of a task", name, [field.name for field in fields(cls)])
-        if isinstance(parameters, Mapping):
-            parameters = make_parameters(parameters)
-        elif not isinstance(parameters, Parameters):
-            raise UprightError(f"parameters is {parameters!r}; it must map names to numbers")
-        return cls(**values, parameters=parameters)
+        return cls(**values)
+
+
+def _parameters(given: Any) -> Parameters:
+    """Return parameters that are given as such, or by name where they are unusual."""
+    if isinstance(given, Parameters):
+        return check_parameters(given)
+    if isinstance(given, Mapping):
+        return make_parameters(given)
+    raise UprightError(f"parameters is {given!r}; it must be Parameters, or map names to numbers")
 
 
 def draw_plant(parameters: Parameters, rng: "np.random.Generator") -> Parameters:

@@ -26,7 +26,7 @@ from upright.core.compiled import compiled, inlined
 from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
 from upright.core.task import Task
-from upright.errors import require, require_module, require_one_of
+from upright.errors import UprightError, require, require_module, require_one_of
 from upright.plants.settings import RunContext, count_steps
 from upright.plants.urdf import text
 
@@ -71,7 +71,11 @@ class Mujoco:
         mujoco = _mujoco()
         parameters = check_parameters(parameters or Parameters())
         substeps = count_steps(self.physics_step, parameters.time_step)
-        model = mujoco.MjModel.from_xml_string(text(parameters))
+        try:
+            model = mujoco.MjModel.from_xml_string(text(parameters))
+        except (ValueError, OverflowError) as error:
+            why = " ".join(str(error).split())
+            raise UprightError(f"MuJoCo refuses these parameters of the plant: {why}") from None
         model.opt.timestep = parameters.time_step / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}")
         model.opt.gravity = (0.0, 0.0, -parameters.gravity)

@@ -162,8 +162,11 @@ def leaderboard_text(rows: dict[str, list[Row]], plan: BoardPlan) -> str:
     parts = []
     for start, title in STARTS_SHOWN.items():
         named = {noise: rows[f"{start} {noise}"] for noise in PUBLISHED_NOISES}
-        parts.append(f"## {title}\n\n{board(named, published=True)}")
+        parts.append(f"## {title}\n\n{board(named, published=not plan.parameters)}")
     cited = "\n".join(f"- {source.name}: {source.citation}." for source in SOURCES)
+    italics = "Rows in italics are published figures, as given in their sources"
+    if plan.parameters:
+        italics = "Published figures are left out, because they are for another plant"
     return f"""# Leaderboard
 
 The number of trials each agent needs until the pole stays up for N = {plan.steps:,} steps, on the
@@ -172,7 +175,7 @@ seven published noise cases. {_origin(plan, "leaderboard", _version(rows))}
 {READING}
 {parts[0]}
 {parts[1]}
-Rows in italics are published figures, as given in their sources:
+{italics}:
 
 {cited}
 
@@ -249,7 +252,14 @@ def _origin(plan: BoardPlan, command: str, version: str) -> str:
     arguments = [f"--{name} {options[name]}" for name in changed]
     arguments += [f"--parameter {name}={value}" for name, value in plan.parameters.items()]
     line = " ".join(["upright", command, *arguments, f"--seed {plan.seed}"])
-    return f"{plan.runs} runs per case; generated with\n`{line}`, upright {version}."
+    origin = f"{plan.runs} runs per case; generated with\n`{line}`, upright {version}."
+    if not plan.parameters:
+        return origin
+    values = ", ".join(f"{name} {value}" for name, value in plan.parameters.items())
+    return f"""{origin}
+
+**The plant is not the published one**: {values}. Lengths, masses, times and friction named below
+are those of the published plant; what varies is scaled from these values."""
 
 
 def _failures(rows: dict[str, list[Row]]) -> str:

@@ -93,6 +93,12 @@ class Row:
         return cls(task=TaskSpec.from_data(task), **own)
 
 
+def _published(case: Case) -> dict[str, float]:
+    """Return the published figures of a case; none where its plant is another one."""
+    as_published = case.spec.parameters == TaskSpec().parameters
+    return figures(case.agent, case.spec.noise) if as_published else {}
+
+
 def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     """Return the statistics of a case over its runs.
 
@@ -141,7 +147,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         all_runs_ci95=bootstrap_interval(all_trials),
         steps_simulated=int(sum(result.lengths.sum() for result in results)),
         seconds=sum(result.seconds for result in results),
-        published=figures(case.agent, case.spec.noise),
+        published=_published(case),
         seed=seed,
         language=case.language,
         plant=case.plant.name,

@@ -45,14 +45,21 @@ def success_text(row: "Row") -> str:
 
 
 def study_table(rows: Sequence["Row"]) -> Table:
-    """Return a table with a line for every case, beside the published figures."""
+    """Return a table with a line for every case, beside the published figures.
+
+    Where tasks differ in more than their noise, a column names them.
+    """
+    tasks = [_task_text(row) for row in rows]
+    differ = len(set(tasks)) > 1
     sources = list(dict.fromkeys(name for row in rows for name in row.published))
-    measured = ["Agent", "Settings", "Noise", "Success", "Mean trials", "Median", "p95", "Max"]
+    measured = ["Agent", "Settings", "Noise", *(["Task"] if differ else [])]
+    measured += ["Success", "Mean trials", "Median", "p95", "Max"]
     body = [
         [
             row.name,
             row.settings,
             row.task.noise,
+            *([task] if differ else []),
             success_text(row),
             mean_text(row),
             number(row.median_trials),
@@ -60,7 +67,7 @@ def study_table(rows: Sequence["Row"]) -> Table:
             number(row.max_trials, 0),
             *(number(row.published.get(source), 2) for source in sources),
         ]
-        for row in rows
+        for row, task in zip(rows, tasks, strict=True)
     ]
     return Table(measured + sources, body, _notes(rows, sources))
 
@@ -82,13 +89,18 @@ def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
 
 def _protocol(row: "Row") -> str:
     """Return how the runs of a row were made, with all values that differ from the usual ones."""
+    parts = [f"{row.runs} runs per case", _task_text(row)]
+    return ", ".join([*parts, f"seed {row.seed}, upright {row.version}."])
+
+
+def _task_text(row: "Row") -> str:
+    """Return the task of a row but for its noise, with all that differs from the usual values."""
     task = row.task
-    parts = [f"{row.runs} runs per case", f"N = {task.steps:,} steps", f"start {task.start}"]
+    parts = [f"N = {task.steps:,} steps", f"start {task.start}"]
     parts += [f"condition {task.condition}"] if task.condition != "nominal" else []
     parts += [f"at most {task.trials:,} trials"] if task.trials != TRIALS else []
     changed = {**changed_parameters(task.parameters), **row.plant_settings}
-    parts += [f"{name} {value}" for name, value in changed.items()]
-    return ", ".join([*parts, f"seed {row.seed}, upright {row.version}."])
+    return ", ".join([*parts, *(f"{name} {value}" for name, value in changed.items())])
 
 
 def to_text(table: Table) -> str:
@@ -99,7 +111,7 @@ def to_text(table: Table) -> str:
 
     drawn = RichTable(box=None, pad_edge=False, header_style="")
     for index, head in enumerate(table.head):
-        numeric = index > 0 and head not in ("Settings", "Noise")
+        numeric = index > 0 and head not in ("Settings", "Noise", "Task")
         drawn.add_column(head, justify="right" if numeric else "left", no_wrap=True)
     for line in table.body:
         drawn.add_row(*(Text(cell) for cell in line))

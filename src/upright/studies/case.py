@@ -181,6 +181,9 @@ def make_case(
     require_one_of("settings", label, ("default", "as-published"))
     if isinstance(plant, str):
         plant = PLANTS.default(plant)
+    if not hasattr(plant, "make"):
+        allowed = ", ".join(PLANTS)
+        raise UprightError(f"plant is {plant!r}; it must be one of {allowed}, or its settings")
     settings = AGENTS.settings(agent)
     if is_custom(agent):
         settings["default"].agent(np.random.default_rng(0))  # raises if it is not an agent

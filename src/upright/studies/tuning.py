@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from upright.agents import AGENTS, Settings
+from upright.core.parameters import changed_parameters
 from upright.errors import UprightError, require, require_module
 from upright.studies.case import Case
 from upright.studies.fingerprint import fingerprint
@@ -414,6 +415,10 @@ def describe(
     learn = [f"upright learn {case.agent}"]
     learn += [f"--settings {label}"] if label != "default" else []
     learn += as_options(settings, AGENTS.settings(case.agent)[label])
+    learn += [
+        f"--parameter {name}={value}"
+        for name, value in changed_parameters(case.spec.parameters).items()
+    ]
     lines = [
         f"best of {result.candidates} candidates ({result.pruned} pruned), "
         f"chosen by {result.mean_trials:.1f} mean trials over {plan.runs} runs per case",

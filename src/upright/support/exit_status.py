@@ -1,5 +1,6 @@
 """Exit statuses of commands, and the one line that explains a failure."""
 
+import os
 import sys
 from collections.abc import Callable
 
@@ -20,5 +21,5 @@ def exit_status(work: Callable[[], int]) -> int:
         print("upright: stopped", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else its flush fails, too
         return FAILED

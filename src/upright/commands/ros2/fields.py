@@ -38,7 +38,8 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
             del form["type"]
         elif name in NAMES:
             form |= {"choices": NAMES[name], "metavar": "NAME"}
-            described = f"{text.partition(':')[0]}: %(choices)s"  # names that it lists are these
+            # The names that a text lists are these.
+            described = f"{text.partition(':')[0].rstrip('.')}: %(choices)s"
         elif name in FILES:
             form |= {"metavar": "FILE"}
         elif isinstance(default, bool):
