@@ -335,7 +335,10 @@ BAD_FILES = {
     "trials": (change_task(trials=0), "trials is 0"),
     "parameters": (change_task(parameters={"mass": 1.0}), "parameter is 'mass'"),
     "a parameter": (change_task(parameters={"half_length": "1"}), "half_length is '1'"),
-    "list of parameters": (change_task(parameters=[9.8]), "must be Parameters, or map names to numbers"),
+    "list of parameters": (
+        change_task(parameters=[9.8]),
+        "must be Parameters, or map names to numbers",
+    ),
     "list of plants": (change_task(plant=["mujoco"]), "plant is .*mujoco.*; it must state"),
     "plant's name": (change_task(plant={"integrator": "rk4"}), "plant is ''; it must be one of"),
     "plant's integrator": (
