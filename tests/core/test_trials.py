@@ -197,10 +197,12 @@ def test_another_thread_watches_and_stops_a_compiled_run():
 
     thread = threading.Thread(target=work)
     thread.start()
-    while not lengths[1] and thread.is_alive():
-        pass
-    stop[0] = True
-    thread.join()
+    try:
+        while not lengths[1] and thread.is_alive():
+            pass
+    finally:  # a thread left running would keep the process alive
+        stop[0] = True
+        thread.join()
     assert figures == [0]
     made = np.count_nonzero(lengths)
     assert 2 <= made < task.trials
