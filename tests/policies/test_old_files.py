@@ -5,6 +5,7 @@ their headers have the names of settings and of parts of a task that version had
 """
 
 import json
+import re
 import subprocess
 import sys
 
@@ -60,6 +61,9 @@ def test_every_file_is_read():
 
 
 def test_the_rows_of_a_store_are_shown():
-    lines = [" ".join(line.split()) for line in show(FOLDER / "store.sqlite").splitlines()]
+    shown = show(FOLDER / "store.sqlite")
+    column = re.split(" {2,}", shown.partition("\n")[0]).index("Task")  # not in version 0.1.0
+    cells = [re.split(" {2,}", line.strip()) for line in shown.splitlines()]
+    lines = [" ".join(line[:column] + line[column + 1 :]) for line in cells]
     for row in EXPECTED["rows"]:
         assert any(line.startswith(row) for line in lines), row
