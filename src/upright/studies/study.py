@@ -128,11 +128,12 @@ def _study_here(
             keep(case, result)
     except BaseException:
         stop[0] = True  # threads see it; runs in another executor's processes end by themselves
-        for future in futures:
-            future.cancel()
-        if executor is None:
-            for process in set(multiprocessing.active_children()) - others:
-                process.terminate()
+        processes = set(multiprocessing.active_children()) - others if executor is None else set()
+        for process in processes:
+            process.terminate()
+        if not processes:  # else the pool itself ends them, and complains of those cancelled
+            for future in futures:
+                future.cancel()
         raise
     finally:
         if executor is None:
