@@ -20,6 +20,22 @@ class UprightError(ValueError):
     """
 
 
+class AgentError(UprightError):
+    """A custom agent failed: its code raised an exception, or breaks the rules for agents.
+
+    The first line of the message says what happened and in which run, trial and step. If the
+    agent's code raised, its own traceback follows, and the exception is the `__cause__`.
+
+    Examples
+    --------
+    >>> try:
+    ...     upright.make_case("fractions:Fraction")
+    ... except upright.AgentError as error:
+    ...     print(str(error).splitlines()[0])  # doctest: +ELLIPSIS
+    agent is 'fractions:Fraction'; ...
+    """
+
+
 class Stopped(Exception):  # noqa: N818 - an event, not an error
     """A plant was asked to move after its run had been stopped."""
 

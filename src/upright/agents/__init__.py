@@ -26,6 +26,12 @@ def _custom(name: str) -> Settings:
     return CustomAgent(name)
 
 
+def _advice(name: str) -> str:
+    from upright.agents.checks.names import advice
+
+    return advice(name)
+
+
 AGENTS: Registry[Settings] = Registry(
     "agent",
     {
@@ -38,6 +44,7 @@ AGENTS: Registry[Settings] = Registry(
     },
     group="upright.agents",
     custom=_custom,
+    advice=_advice,
 )
 """Every agent, and its module. Installed packages register more: entry points `upright.agents`.
 

@@ -18,24 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from upright.agents.checks.contract import check_contract
+from upright.agents.checks.faults import RAISED, fault, reporting
+from upright.agents.checks.names import advice
 from upright.core.contracts import Agent, GymnasiumLearner
-from upright.errors import UprightError
-
-METHODS = {
-    name: f"{name}{signature}"
-    for name, signature in (
-        ("begin_trial", "(rng)"),
-        ("act", "(observation, rng)"),
-        ("learn", "(before, action, after, fallen)"),
-        ("end_trial", "(fallen)"),
-    )
-}
-"""The methods of every agent; `upright.core.contracts.Agent` describes them."""
-
-
-def is_learner(agent: object) -> bool:
-    """Whether this is a learner that only knows Gymnasium."""
-    return callable(getattr(agent, "train", None)) and not hasattr(agent, "act")
+from upright.errors import AgentError, UprightError
 
 
 @dataclass(frozen=True)
@@ -54,25 +41,24 @@ class CustomAgent:
         Raises
         ------
         UprightError
-            If there is no agent of this name, it cannot be created from `rng` alone, or it lacks a
-            method.
+            If there is no agent of this name.
+        AgentError
+            If its code raises an exception, it cannot be created from `rng` alone, or it lacks a
+            method that can be called as it must be.
         """
         make = self._make()
         try:
             inspect.signature(make).bind(rng)
         except TypeError as error:
-            raise UprightError(
+            raise AgentError(
                 f"agent is {self.agent_name!r}; it must be callable with the run's random "
                 f"generator alone: {error}"
             ) from None
-        agent: Agent | GymnasiumLearner = make(rng)
-        lacking = [text for name, text in METHODS.items() if not callable(getattr(agent, name, 0))]
-        if lacking and not is_learner(agent):
-            raise UprightError(
-                f"agent is {self.agent_name!r}; it lacks {', '.join(lacking)}; "
-                f"an agent has the methods {', '.join(METHODS.values())}; "
-                "a learner that only knows Gymnasium has train(env)"
-            )
+        except ValueError:  # nothing is known of its parameters, as for some functions written in C
+            pass
+        with reporting(self.agent_name, "it cannot be created"):
+            agent: Agent | GymnasiumLearner = make(rng)
+        check_contract(self.agent_name, agent)
         return agent
 
     def summary(self) -> str:
@@ -106,23 +92,21 @@ class CustomAgent:
     def _module(self) -> ModuleType:
         """Return the module; it may also be in the current folder, as for Python itself."""
         name = self.agent_name.partition(":")[0]
-        if not all(part.isidentifier() for part in name.split(".")):
-            raise UprightError(
-                f"agent is {self.agent_name!r}; {name!r} is not the name of a module"
-            )
+        if not all(part.isidentifier() for part in name.split(".")) or Path(name).is_file():
+            why = advice(self.agent_name) or f"{name!r} is not the name of a module"
+            raise UprightError(f"agent is {self.agent_name!r}; {why}")
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
         try:
             return import_module(name)
-        except (ImportError, SyntaxError) as error:
+        except RAISED as error:
             if _is_missing(name, error):
                 why = f"there is no module {name!r} in this folder or where Python looks"
-            else:  # the module exists, but something it needs does not, or it is not Python
-                why = f"its module cannot be imported: {error}"
-            raise UprightError(f"agent is {self.agent_name!r}; {why}") from error
+                raise UprightError(f"agent is {self.agent_name!r}; {why}") from error
+            raise fault(self.agent_name, "its module cannot be imported", error) from error
 
 
-def _is_missing(name: str, error: Exception) -> bool:
+def _is_missing(name: str, error: BaseException) -> bool:
     """Whether importing the module `name` failed because it, or a package above it, is missing."""
     missing = getattr(error, "name", None)
     return isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{missing}.")

@@ -2,20 +2,22 @@
 
 import time
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
 
 import numpy as np
 
 from upright.agents import is_custom
-from upright.agents.custom import is_learner
+from upright.agents.checks.checked import check_returned_type, checked
+from upright.agents.checks.contract import is_learner
+from upright.agents.checks.faults import reporting
 from upright.core.compiled import explain, is_compiled
 from upright.core.conditions import CONDITIONS
 from upright.core.contracts import Plant
 from upright.core.loops import loop_for
 from upright.core.task import Task, draw_plant
 from upright.core.trials import Result
-from upright.errors import UprightError, require_module, require_one_of
+from upright.errors import AgentError, require_module, require_one_of
 from upright.plants import PLANTS
 from upright.plants.settings import RunContext
 from upright.studies.case import Case
@@ -90,8 +92,9 @@ def make_run(
     Raises
     ------
     UprightError
-        If a custom agent lacks a method or cannot be compiled, a Gymnasium learner returns before
-        its run is over, or the plant fails.
+        If the plant fails.
+    AgentError
+        If a custom agent raises an exception, or breaks the rules for agents.
 
     Examples
     --------
@@ -101,19 +104,42 @@ def make_run(
     (True, 1)
     """
     rng = (numbers or random_numbers)(seed, run)
-    agent, task = case.settings.agent(rng), make_run_task(case, seed, run)
+    agent, task = _new_agent(case, rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.spec.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
     if plant is None:
         plant, task = make_plant(case, seed, run, stop)
     with closing(plant):
         loop = choose_loop(case, agent, plant)
-        if is_compiled(agent):
-            _compile(case, agent, loop, plant, task)
-        began = time.perf_counter()
-        success = loop(agent, plant, task, rng, lengths, stop) > 0
-        seconds = time.perf_counter() - began
+        with _called(case, agent, run) as called:
+            if is_compiled(agent):
+                _compile(case, called, loop, plant, task)
+                if is_custom(case.agent):
+                    check_returned_type(agent, case.agent)
+            began = time.perf_counter()
+            success = loop(called, plant, task, rng, lengths, stop) > 0
+            seconds = time.perf_counter() - began
     return agent, outcome(case, run, success, lengths, seconds)
+
+
+def _new_agent(case: Case, rng: np.random.Generator) -> Any:
+    if not is_custom(case.agent):
+        return case.settings.agent(rng)
+    with reporting(case.agent, "it cannot be created"):
+        return case.settings.agent(rng)
+
+
+def _called(case: Case, agent: Any, run: int) -> AbstractContextManager[Any]:
+    """Return the context of what the loop calls: the agent itself, or a custom one, checked."""
+    if not is_custom(case.agent):
+        return nullcontext(agent)
+    noise = case.spec.noise
+    which = f"run {run}" if noise == "none" else f"run {run} with {noise}"
+    if is_learner(agent):
+        from upright.environments.checked_learner import CheckedLearner
+
+        return nullcontext(CheckedLearner(agent, case.agent, which))
+    return checked(agent, case.agent, which)
 
 
 def outcome(
@@ -135,4 +161,4 @@ def _compile(case: Case, agent: Any, loop: Callable[..., int], plant: Plant, tas
             raise
         # The loop was asked for 0 trials, so it must be the compilation that failed.
         reason = f"it cannot be compiled: {explain(error)}"
-        raise UprightError(f"agent is {case.agent!r}; {reason}") from error
+        raise AgentError(f"agent is {case.agent!r}; {reason}") from error

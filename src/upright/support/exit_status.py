@@ -4,19 +4,22 @@ import os
 import sys
 from collections.abc import Callable
 
-from upright.errors import Stopped, UprightError
+from upright.errors import AgentError, Stopped, UprightError
 
-FAILED, BAD_USE, INTERRUPTED = 1, 2, 130
-"""Exit statuses besides 0."""
+FAILED, BAD_USE, AGENT_FAILED, INTERRUPTED = 1, 2, 3, 130
+"""Exit statuses besides 0: not balanced, not possible, a custom agent's error, and Ctrl-C."""
 
 
 def exit_status(work: Callable[[], int]) -> int:
-    """Run a command and return its exit status; explain a failure in one line on standard error."""
+    """Run a command and return its exit status; explain a failure on standard error.
+
+    The explanation is one line, which the traceback of a custom agent's own code may follow.
+    """
     try:
         return work()
     except UprightError as error:
         print(f"upright: error: {error}", file=sys.stderr)
-        return BAD_USE
+        return AGENT_FAILED if isinstance(error, AgentError) else BAD_USE
     except (KeyboardInterrupt, Stopped):
         print("upright: stopped", file=sys.stderr)
         return INTERRUPTED

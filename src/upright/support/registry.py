@@ -31,6 +31,8 @@ class Registry(Mapping[str, str], Generic[S]):
     custom
         Makes the settings of a thing that is named by its path, `module:name`, without being
         registered; None if this kind has no such things.
+    advice
+        Returns what to write in place of an unknown name, or an empty string.
 
     Examples
     --------
@@ -49,8 +51,10 @@ class Registry(Mapping[str, str], Generic[S]):
         modules: dict[str, str],
         group: str = "",
         custom: Callable[[str], S] | None = None,
+        advice: Callable[[str], str] = lambda _name: "",
     ) -> None:
         self.kind, self.built_in, self._group, self._custom = kind, modules, group, custom
+        self._advice = advice
 
     def __getitem__(self, name: str) -> str:
         """Return the import path of a module; look among installed packages only if need be."""
@@ -78,6 +82,8 @@ class Registry(Mapping[str, str], Generic[S]):
         """Raise UprightError unless this name is registered or is the path of a custom thing."""
         if self.is_path(name) or name in self.built_in:
             return
+        if name not in self and (advice := self._advice(name)):
+            raise UprightError(f"{self.kind} is {name!r}; {advice}")
         require_one_of(self.kind, name, [*self, "module:name"] if self._custom else self)
 
     def is_path(self, name: str) -> bool:
