@@ -36,6 +36,10 @@ class AgentError(UprightError):
     """
 
 
+class AgentWarning(UserWarning):
+    """A custom agent does something that makes its results doubtful."""
+
+
 class Stopped(Exception):  # noqa: N818 - an event, not an error
     """A plant was asked to move after its run had been stopped."""
 

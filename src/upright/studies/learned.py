@@ -12,6 +12,7 @@ from upright.policies.files import save_policy
 from upright.policies.npz_file import arrays_of
 from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
+from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.study import check_study
 from upright.support.files import check_output
@@ -88,9 +89,14 @@ def learn(
     case = make_case(agent, settings, **task)
     check_policy(case)
     stop = np.zeros(1, np.bool_)
+
+    def work() -> tuple[Any, Result | None]:
+        warn_if_doubtful(doubt_about(case))
+        return make_run(case, seed, run, stop=stop)
+
     with ThreadPoolExecutor(1) as thread:  # the main thread stays free for Ctrl-C
         try:
-            memory, result = thread.submit(make_run, case, seed, run, stop=stop).result()
+            memory, result = thread.submit(work).result()
         finally:
             stop[0] = True
     assert result is not None, "only an interrupt stops a run"

@@ -8,6 +8,7 @@ from dataclasses import replace
 from os import cpu_count
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from upright.core.trials import Result
 from upright.errors import UprightError, require
 from upright.studies import matlab_twin
 from upright.studies.case import Case
+from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
@@ -110,19 +112,31 @@ def _study_here(
     stop = np.zeros(1, np.bool_)
     others = set(multiprocessing.active_children())
     workers = executor or _workers(list(missing))
-    futures: dict[Future[Result | None], Case] = {}
-    ended: SimpleQueue[Future[Result | None]] = SimpleQueue()
+    futures: dict[Future[Any], Case] = {}
+    ended: SimpleQueue[Future[Any]] = SimpleQueue()
+    doubts: set[Future[Any]] = set()
+    custom = {case.settings: case for case in missing if missing[case] and is_custom(case.agent)}
+
+    def submit(work: Callable[..., Any], case: Case, *arguments: Any) -> Future[Any]:
+        future = workers.submit(work, case, *arguments)
+        futures[future] = case
+        future.add_done_callback(ended.put)
+        return future
+
     try:
+        for case in custom.values():
+            doubts.add(submit(doubt_about, case))
         for case, numbers in missing.items():
             for run in numbers:
                 with let_interrupts_through():
                     pass  # submitting very many runs takes time
-                future = workers.submit(_job, case, seed, run, stop)
-                futures[future] = case
-                future.add_done_callback(ended.put)
+                submit(_job, case, seed, run, stop)
         for _ in range(len(futures)):
             with let_interrupts_through():
                 future = ended.get()
+            if future in doubts:
+                warn_if_doubtful(future.result())
+                continue
             result, case = future.result(), futures[future]
             assert result is not None, "only an interrupt stops a run"
             keep(case, result)

@@ -17,6 +17,7 @@ from upright.policies.policy import Policy
 from upright.studies.case import Case
 from upright.studies.playing import TrialOutcome, pictures, play_trials
 from upright.studies.random_streams import twister_numbers
+from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
 
@@ -54,6 +55,7 @@ def watch_run(
     """
 
     def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:
+        warn_if_doubtful(doubt_about(case))
         numbers = twister_numbers if twister else None
         return make_run(case, seed, run, lengths, stop, numbers)
 

@@ -1,7 +1,6 @@
 """Find NaN (not a number) in what an agent has learned."""
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
@@ -11,15 +10,16 @@ from upright.errors import AgentError
 
 DEPTH = 3
 """How many containers or objects within each other are looked into."""
-NUMBERS_PER_STEP = 50
-"""How many numbers may be looked at for each step of the agent, so that looking costs little."""
-EACH = 50
-"""How many numbers in an array take as long to look at as one attribute."""
-OPAQUE = (
-    *(str, bytes, int, type, ModuleType, np.random.Generator),
-    *(FunctionType, MethodType, BuiltinFunctionType),
+ITEM, ARRAY, NUMBER = 300, 2500, 1
+"""What it costs to look at an item of a container, an array, and a number in an array [ns]."""
+PER_STEP = 100
+"""What looking may cost for each step of a trial [ns]: a step of Python takes fifty times that."""
+FLOATS = (float, np.floating)
+OPAQUE = frozenset(
+    {str, bytes, int, bool, type(None), type, np.random.Generator, ModuleType}
+    | {FunctionType, MethodType, BuiltinFunctionType}
 )
-"""What holds no numbers that an agent learns, and is not looked into."""
+"""Types of what holds no numbers that an agent learns, and is not looked into."""
 
 
 class NumberWatch:
@@ -35,65 +35,57 @@ class NumberWatch:
 
     def __init__(self, name: str, agent: object) -> None:
         self._name, self._agent = name, agent
-        self._meant, self._cost = _look(agent)
+        self._meant: set[str] = set()
+        self._cost = _look(agent, (), self._meant)
         self._steps = 0
 
     def is_due(self, steps: int) -> bool:
-        """Whether so many steps have been made since the last look that it costs little by now."""
+        """Whether so many steps have been made since the last look that another costs little."""
         self._steps += steps
-        return self._steps * NUMBERS_PER_STEP >= self._cost
+        return self._steps * PER_STEP >= self._cost
 
-    def look(self, place: str) -> None:
-        """Raise AgentError if a number has become NaN; `place` says in which trial of which run."""
-        found, self._cost = _look(self._agent)
+    def look(self, where: str) -> None:
+        """Raise AgentError if a number has become NaN; `where` says in which trial of which run."""
+        found: set[str] = set()
+        self._cost = _look(self._agent, (), found)
         self._steps = 0
         if wrong := sorted(found - self._meant):
             raise AgentError(
-                f"agent is {self._name!r}; {wrong[0]} is NaN (not a number) after {place}; numbers "
-                "that are meant to be NaN at times must be so when the agent is created"
+                f"agent is {self._name!r}; its {wrong[0]} is NaN (not a number) after {where}; "
+                "what is meant to be NaN at times must be so when the agent is created"
             )
 
 
-def _look(agent: object) -> tuple[set[str], int]:
-    """Return the names of an agent's numbers that are NaN, and what it cost to look at all."""
-    found, cost = set(), 0
-    for name, value in _numbers(agent, "", DEPTH):
-        if isinstance(value, np.ndarray):
-            cost += EACH + value.size
-            is_nan = bool(np.isnan(value).any())
-        else:
-            cost += EACH
-            is_nan = math.isnan(value)
-        if is_nan:
-            found.add(name.removeprefix("."))
-    return found, cost
+def _look(thing: object, path: tuple[tuple[str, object], ...], found: set[str]) -> int:
+    """Add the names of all numbers that are NaN in an object or a container; return the cost."""
+    form, items = _items(thing)
+    cost = 0
+    for key, value in items:
+        cost += ITEM
+        if isinstance(value, FLOATS):
+            if value != value:
+                found.add(_name((*path, (form, key))))
+        elif isinstance(value, np.ndarray):
+            cost += ARRAY + NUMBER * value.size
+            if value.dtype.kind in "fc" and value.size and np.isnan(value.min()):
+                found.add(_name((*path, (form, key))))
+        elif type(value) not in OPAQUE and len(path) < DEPTH:
+            cost += _look(value, (*path, (form, key)), found)
+    return cost
 
 
-def _numbers(thing: object, name: str, depth: int) -> Iterator[tuple[str, Any]]:
-    """Yield the names and values of the floats and arrays of floats that an object holds."""
-    if isinstance(thing, float | np.floating):
-        yield name, thing
-    elif isinstance(thing, np.ndarray):
-        if thing.dtype.kind in "fc":
-            yield name, thing
-    elif depth > 0 and not isinstance(thing, OPAQUE):
-        for part, value in _parts(thing):
-            yield from _numbers(value, name + part, depth - 1)
-
-
-def _parts(thing: object) -> Iterator[tuple[str, Any]]:
-    """Yield what an object or a container holds, each part with the end of its name."""
-    if isinstance(thing, Mapping):
-        yield from ((f"[{key!r}]", value) for key, value in thing.items())
-    elif isinstance(thing, list | tuple) and not hasattr(thing, "_asdict"):
-        yield from ((f"[{index}]", value) for index, value in enumerate(thing))
-    else:
-        yield from ((f".{name}", value) for name, value in _attributes(thing).items())
-
-
-def _attributes(thing: Any) -> dict[str, Any]:
-    if hasattr(thing, "_asdict"):
-        return thing._asdict()  # type: ignore[no-any-return]
+def _items(thing: Any) -> tuple[str, Iterable[tuple[object, Any]]]:
+    """Return how the parts of an object or a container are written, and their keys and values."""
+    if isinstance(thing, dict):
+        return "[{!r}]", thing.items()
+    if isinstance(thing, tuple) and hasattr(thing, "_asdict"):
+        return ".{}", thing._asdict().items()
+    if isinstance(thing, (list, tuple)):
+        return "[{!r}]", enumerate(thing)
     slots = (name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ()))
     held = {name: getattr(thing, name) for name in slots if hasattr(thing, name)}
-    return held | getattr(thing, "__dict__", {})
+    return ".{}", (held | getattr(thing, "__dict__", {})).items()
+
+
+def _name(path: Iterable[tuple[str, object]]) -> str:
+    return "".join(form.format(key) for form, key in path).removeprefix(".")
