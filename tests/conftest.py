@@ -1,11 +1,15 @@
 """Settings and fixtures for all tests."""
 
+import importlib
 import os
 import signal
+import sys
 from collections.abc import Callable
+from textwrap import dedent
 from typing import NamedTuple
 
 import pytest
+from helpers import forget, new_module_name
 from hypothesis import settings
 from octave import IS_THERE, SESSION
 
@@ -70,6 +74,26 @@ def _no_store_is_left_open(monkeypatch):
     for store in left.copy():
         store.close()
     assert not paths, "these stores were left open"
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Return a function that writes a module into the current folder and returns its name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    written = []
+
+    def write(text, name=None):
+        name = name or new_module_name()
+        (tmp_path / f"{name}.py").write_text(dedent(text))
+        importlib.invalidate_caches()
+        written.append(name)
+        return name
+
+    yield write
+    for name in written:
+        forget(name)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,5 +1,7 @@
 """Shared by several tests: plants and agents in plain Python, and access to an agent's memory."""
 
+import importlib
+import itertools
 import json
 import math
 import os
@@ -18,6 +20,7 @@ from upright.core.trials import Result
 from upright.plants.equations import equations
 from upright.plants.settings import RunContext
 from upright.reports.statistics import Row
+from upright.studies.fingerprint import fingerprint
 from upright.studies.store import Store
 
 ROOT = Path(__file__).parents[1]
@@ -171,6 +174,21 @@ def energy(p, state):
         + 0.5 * 4 / 3 * moment * p.half_length * state.theta_dot**2
         + moment * p.gravity * math.cos(state.theta)
     )
+
+
+_numbers = itertools.count()
+
+
+def new_module_name() -> str:
+    """Return a name that no other module has."""
+    return f"outside_{next(_numbers)}"
+
+
+def forget(name: str) -> None:
+    """Forget a module, as a new process would."""
+    sys.modules.pop(name, None)
+    fingerprint.cache_clear()
+    importlib.invalidate_caches()
 
 
 def arrays(memory: Any) -> Iterator[np.ndarray]:

@@ -1,5 +1,4 @@
 import importlib
-import itertools
 import os
 import signal
 import subprocess
@@ -12,7 +11,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from helpers import ROOT, python
+from helpers import ROOT, forget, new_module_name, python
 from numba._dispatcher import compute_fingerprint
 
 from upright.agents import AGENTS
@@ -28,7 +27,6 @@ from upright.plants.equations import Equations, equations
 from upright.policies.files import load_policy
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
-from upright.studies.fingerprint import fingerprint
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import choose_loop, make_run
 from upright.studies.store import Store
@@ -36,7 +34,6 @@ from upright.studies.study import _workers, study
 from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED, INTERRUPTED
 
 EXAMPLES = ("examples.plain_agent:TinyQ", "examples.compiled_agent:hill_climber")
-NUMBERS = itertools.count()
 
 # The same rule twice: a linear policy, each trial with other weights near the best so far.
 PLAIN = """
@@ -122,37 +119,10 @@ METHODS = """
 """
 
 
-def forget(name):
-    """Forget a module, as a new process would."""
-    sys.modules.pop(name, None)
-    fingerprint.cache_clear()
-    importlib.invalidate_caches()
-
-
-@pytest.fixture
-def write(tmp_path, monkeypatch):
-    """Return a function that writes a module into the current folder and returns its name."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", sys.path.copy())
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    written = []
-
-    def write(text, name=None):
-        name = name or f"outside_{next(NUMBERS)}"
-        (tmp_path / f"{name}.py").write_text(dedent(text))
-        importlib.invalidate_caches()
-        written.append(name)
-        return name
-
-    yield write
-    for name in written:
-        forget(name)
-
-
 @pytest.fixture(scope="module")
 def compiled_case(tmp_path_factory):
     """Return a case of the compiled agent, shared by all tests, as each would be compiled."""
-    folder, name = tmp_path_factory.mktemp("compiled"), f"outside_{next(NUMBERS)}"
+    folder, name = tmp_path_factory.mktemp("compiled"), new_module_name()
     (folder / f"{name}.py").write_text(dedent(COMPILED))
     sys.path.insert(0, str(folder))
     importlib.invalidate_caches()
@@ -462,6 +432,27 @@ def test_a_learner_that_ends_early_is_refused_in_one_line(write, capsys):
     assert "train returned in run 0, trial 4, step 1; it must go on until" in error
     delayed = f"learn {write(LEARNER)}:Guess --condition delay-1"
     assert "delay is 1; it must be 0" in refused(delayed, capsys)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("fallen or", "nothing or", "NameError: name 'nothing' is not defined"),
+        (
+            "action = int(",
+            "action = -int(",
+            "InvalidAction: action is -1; it must be in Discrete(2): 1 pushes",
+        ),
+        ("action = int(", "action = float(", "InvalidAction: action is "),
+        ("action = int(", "action = print(", "InvalidAction: action is None; it must be in"),
+    ],
+)
+def test_errors_in_a_learner_are_its_own(old, new, said, write):
+    agent = f"{write(LEARNER.replace(old, new))}:Guess"
+    with pytest.raises(AgentError, match=r"train failed in run 0, trial \d+, step ") as caught:
+        make_run(make_case(agent, steps=300), 0, 0)
+    assert said in str(caught.value).splitlines()[0]
+    assert "trial_protocol" not in str(caught.value)
 
 
 def test_an_agent_with_a_method_train_is_still_an_agent(write):

@@ -313,7 +313,7 @@ def test_invalid_actions_are_refused_and_change_nothing(action):
     env, other = make().unwrapped, make().unwrapped
     env.reset(seed=1)
     other.reset(seed=1)
-    with pytest.raises(InvalidAction, match=r"it must be in Discrete\(2\)"):
+    with pytest.raises(InvalidAction, match=r"it must be in Discrete\(2\): 1 pushes right, 0"):
         env.step(action)
     np.testing.assert_array_equal(env.step(1)[0], other.step(1)[0])
 

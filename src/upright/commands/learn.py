@@ -23,7 +23,8 @@ examples:
   upright learn q-learning --set learning_rate=0.2 --set discount=0.98
   upright learn reinforce --plant mujoco --plant-set physics_step=0.001
 {CUSTOM_AGENTS}\
-exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible.
+exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible, 3 if a custom
+agent failed: its code raised an exception, or it breaks the rules for agents.
 """
 
 

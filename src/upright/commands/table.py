@@ -28,7 +28,10 @@ examples:
   upright table --agents my_module:MyAgent,random-search --noises none --runs 20
   upright table --plant mujoco --agents reinforce,random-search --runs 20
   upright table --format json --output table.json
-{CUSTOM_AGENTS}"""
+{CUSTOM_AGENTS}\
+exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
+failed; runs that had ended are in the store.
+"""
 
 
 def add_options(parser: Parser) -> None:

@@ -212,7 +212,8 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
                 return float(force[0])
         elif (type(action) is int and 0 <= action <= 1) or self.action_space.contains(action):
             return limit if action == 1 else -limit
-        raise InvalidAction(f"action is {action!r}; it must be in {self.action_space}")
+        meaning = "" if self.continuous else ": 1 pushes right, 0 pushes left"
+        raise InvalidAction(f"action is {action!r}; it must be in {self.action_space}{meaning}")
 
     def _observe(self) -> tuple[Array, dict[str, Any]]:
         """Return the observation and the info."""

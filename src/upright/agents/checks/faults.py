@@ -33,8 +33,9 @@ def fault(agent: str, what: str, error: BaseException) -> AgentError:
     error
         The exception.
     """
-    reason = traceback.format_exception_only(error)[-1].strip().partition("\n")[0]
-    return AgentError(f"agent is {agent!r}; {what}: {reason}\n{own_traceback(error)}")
+    kind, reason = type(error).__name__, str(error).partition("\n")[0]
+    first = f"agent is {agent!r}; {what}: {kind}" + (f": {reason}" if reason else "")
+    return AgentError(f"{first}\n{own_traceback(error)}")
 
 
 def place(run: str, trial: int, step: int = 0) -> str:
