@@ -59,7 +59,7 @@ Gymnasium
     ``import upright`` registers ``upright/CartPole-v0`` and ``upright/ContinuousCartPole-v0``
 What goes wrong
     `UprightError`: one line that names the value and what is allowed; `AgentError`, one of them,
-    if a custom agent failed
+    if a custom agent failed; `AgentWarning`, if its results cannot be repeated
 
 ``help(upright.learn)``, and so on, gives the details of each, with an example. The command
 ``upright`` does the same from a terminal (``upright --help``). In the sources, README.md is the
@@ -88,6 +88,7 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.environments.trial_protocol import TrialProtocol as TrialProtocol
     from upright.environments.vector_env import CartPoleVectorEnv as CartPoleVectorEnv
     from upright.errors import AgentError as AgentError
+    from upright.errors import AgentWarning as AgentWarning
     from upright.errors import UprightError as UprightError
     from upright.plants import PLANTS as PLANTS
     from upright.plants.equations import equations as equations
@@ -117,7 +118,7 @@ _PLACES = {
     "environments.cartpole_env": ("CartPoleEnv",),
     "environments.trial_protocol": ("RunOver", "TrialProtocol"),
     "environments.vector_env": ("CartPoleVectorEnv",),
-    "errors": ("AgentError", "UprightError"),
+    "errors": ("AgentError", "AgentWarning", "UprightError"),
     "plants": ("PLANTS",),
     "plants.equations": ("equations",),
     "policies.files": ("export_policy", "load_policy", "save_policy"),

@@ -37,7 +37,17 @@ class AgentError(UprightError):
 
 
 class AgentWarning(UserWarning):
-    """A custom agent does something that makes its results doubtful."""
+    """A custom agent does something that makes its results doubtful.
+
+    Examples
+    --------
+    To have such an agent refused:
+
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", upright.AgentWarning)
+    ...     results = upright.study([upright.make_case("random-search", steps=500)], runs=2)
+    """
 
 
 class Stopped(Exception):  # noqa: N818 - an event, not an error

@@ -129,9 +129,10 @@ def test_compiled_agents_are_judged_by_their_memory_too(n, doubted, write):
     assert bool(doubt(COMPILED.format(n=n), write)) == doubted
 
 
-def test_the_package_s_own_agents_are_not_run(monkeypatch):
+def test_the_package_s_own_agents_and_other_plants_are_not_run(write, monkeypatch):
     monkeypatch.setattr("upright.studies.repeatability.make_run", None)
     assert doubt_about(make_case("reinforce")) == ""
+    assert doubt(AGENT.format(act=UNREPEATABLE["random"]), write, plant="gazebo") == ""
 
 
 def test_little_is_run_and_only_once(write):

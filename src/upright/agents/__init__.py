@@ -1,7 +1,8 @@
 """The agents: one learning rule a file, with its named settings beside it.
 
-`parts/` has what several rules share, `custom.py` fetches agents named `module:name`. May import
-`upright.core` and what stands left of it, and no other agent.
+`parts/` has what several rules share, `custom.py` fetches agents named `module:name`, and `checks/`
+has what these are held to. May import `upright.core` and what stands left of it, and no other
+agent.
 """
 
 from typing import TYPE_CHECKING, Any, Protocol

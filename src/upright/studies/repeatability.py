@@ -21,7 +21,7 @@ from upright.errors import AgentWarning, UprightError
 from upright.plants.equations import EQUATIONS
 from upright.policies.npz_file import arrays_of
 from upright.studies.case import Case
-from upright.studies.run import make_plant, make_run
+from upright.studies.run import make_plant, make_run, new_agent
 
 TRIALS, STEPS = 3, 100
 """Trials of the two runs that are compared, and the most steps of each trial."""
@@ -42,14 +42,15 @@ def warn_if_doubtful(doubt: str) -> None:
 def doubt_about(case: Case) -> str:
     """Return why results of a case's agent may not be repeatable; empty if nothing was noticed.
 
-    A custom agent makes two short runs with the same seed on the equations, once per process. What
-    it prints is not shown. An agent that fails is not judged: the run that follows reports it.
+    A custom agent whose plant is the equations makes two short runs with the same seed, once per
+    process. What it prints is not shown. An agent that fails is not judged: the run that follows
+    reports it.
     """
-    if not is_custom(case.agent):
+    if not is_custom(case.agent) or case.plant.name != EQUATIONS.name:
         return ""
     spec = replace(case.spec, trials=TRIALS, steps=min(STEPS, case.spec.steps))
     with _one_at_a_time:
-        repeats = _repeats(replace(case, spec=spec, plant=EQUATIONS))
+        repeats = _repeats(replace(case, spec=spec))
     return "" if repeats else f"agent is {case.agent!r}; {DOUBT}"
 
 
@@ -76,7 +77,7 @@ def _unseen() -> Iterator[None]:
 def _trace(case: Case) -> tuple[Any, ...]:
     """Make a run and return what shows whether another is the same."""
     recorder = None
-    agent = case.settings.agent(np.random.default_rng(0))
+    agent = new_agent(case, np.random.default_rng(0))
     if not is_learner(agent) and not is_compiled(agent):
         recorder = _Recorder(make_plant(case, 0, 0, np.zeros(1, np.bool_))[0])
     agent, result = make_run(case, 0, 0, plant=recorder)

@@ -104,7 +104,7 @@ def make_run(
     (True, 1)
     """
     rng = (numbers or random_numbers)(seed, run)
-    agent, task = _new_agent(case, rng), make_run_task(case, seed, run)
+    agent, task = new_agent(case, rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.spec.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
     if plant is None:
@@ -122,7 +122,14 @@ def make_run(
     return agent, outcome(case, run, success, lengths, seconds)
 
 
-def _new_agent(case: Case, rng: np.random.Generator) -> Any:
+def new_agent(case: Case, rng: np.random.Generator) -> Any:
+    """Return a new agent of a case.
+
+    Raises
+    ------
+    AgentError
+        If a custom agent cannot be created.
+    """
     if not is_custom(case.agent):
         return case.settings.agent(rng)
     with reporting(case.agent, "it cannot be created"):

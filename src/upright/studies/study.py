@@ -3,6 +3,7 @@
 import multiprocessing
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import replace
 from os import cpu_count
@@ -16,7 +17,7 @@ from upright.agents import is_custom
 from upright.core.compiled import is_compiled
 from upright.core.conditions import RUNS
 from upright.core.trials import Result
-from upright.errors import UprightError, require
+from upright.errors import AgentError, UprightError, require
 from upright.studies import matlab_twin
 from upright.studies.case import Case
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
@@ -71,6 +72,8 @@ def study(
     UprightError
         If `runs` or `seed` is not a whole number in its range, or MATLAB or Octave is needed but
         missing.
+    AgentError
+        If a custom agent fails; the runs that have ended are in the store.
     KeyboardInterrupt
         If interrupted; the runs that have ended are in the store.
 
@@ -140,7 +143,7 @@ def _study_here(
             result, case = future.result(), futures[future]
             assert result is not None, "only an interrupt stops a run"
             keep(case, result)
-    except BaseException:
+    except BaseException as error:
         stop[0] = True  # threads see it; runs in another executor's processes end by themselves
         processes = set(multiprocessing.active_children()) - others if executor is None else set()
         for process in processes:
@@ -148,6 +151,12 @@ def _study_here(
         if not processes:  # else the pool itself ends them, and complains of those cancelled
             for future in futures:
                 future.cancel()
+        if isinstance(error, BrokenProcessPool) and custom:
+            names = sorted({case.agent for case in custom.values()})
+            raise AgentError(
+                f"agent is {' or '.join(map(repr, names))}; the process of its run ended without "
+                "an error: the agent ended it, crashed in a library, or had no memory left"
+            ) from error
         raise
     finally:
         if executor is None:

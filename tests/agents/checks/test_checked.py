@@ -1,6 +1,6 @@
 """What is said of wrong agents, plain and compiled, and that right ones are not changed."""
 
-from textwrap import indent
+from textwrap import dedent, indent
 
 import numpy as np
 import pytest
@@ -290,6 +290,13 @@ def test_where_a_run_failed_is_said_across_processes(write):
     case = make_case(f"{write(text_of(PLAIN, end_trial='self.gone'))}:A", noise="gaussian-0.1")
     with pytest.raises(AgentError, match=r"in run \d with gaussian-0.1, trial 1, step \d+: Attrib"):
         study([case], 3)
+
+
+@pytest.mark.slow
+def test_an_agent_that_ends_its_process_is_named(write):
+    name = write("import os\n" + dedent(text_of(PLAIN, learn="os._exit(0)")))
+    with pytest.raises(AgentError, match=f"agent is '{name}:A'; the process of its run ended wi"):
+        study([make_case(f"{name}:A")], 3)
 
 
 def test_no_example_is_refused(monkeypatch):
