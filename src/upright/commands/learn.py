@@ -60,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
     require("run", options.run, 0, 999_999)
     check_study(options.run + 1, options.seed)
     if options.plot:
+        from upright.reports.names import case_name, noise_name, task_name
         from upright.reports.plots import check_picture, plot_curve, save
 
         check_picture(options.plot)
@@ -71,8 +72,10 @@ def run(options: argparse.Namespace) -> int:
         case, options.seed, options.run, quiet=options.quiet, twister=options.twister
     )
     if options.plot:
-        title = f"{case.agent}, {case.spec.noise}, seed {options.seed}, run {options.run}"
-        save(plot_curve(result.lengths, case.spec.steps, title), options.plot)
+        title, task = f"{case_name(case)}, {noise_name(case.spec.noise)}", task_name(case.spec)
+        made = f"seed {options.seed}, run {options.run}"
+        subtitle = f"{task}; {made}" if task else made
+        save(plot_curve(result.lengths, case.spec.steps, title, subtitle), options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
         from upright.studies.learned import save_learned

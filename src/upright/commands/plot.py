@@ -1,10 +1,16 @@
 """Draw what a store of runs or a saved policy holds."""
 
 import argparse
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from upright.commands.options import add
 from upright.commands.parser import Parser
 from upright.errors import UprightError
+
+if TYPE_CHECKING:
+    from upright.reports.plots import Learned
 
 KINDS = ("curves", "trials", "policy", "phases")
 """What can be drawn."""
@@ -23,8 +29,9 @@ def add_options(parser: Parser) -> None:
         "kind",
         choices=KINDS,
         metavar="KIND",
-        help="what to draw: curves (noise-free learning curves of a store), trials (distributions "
-        "of its trials), policy (map of a policy's pushes) or phases (its phase portraits)",
+        help="what to draw: curves (learning curves of a store, noise-free if it has such runs), "
+        "trials (distributions of its trials), policy (map of a policy's pushes) or phases (its "
+        "phase portraits)",
     )
     parser.add_argument("source", metavar="FILE", help="a store, or a policy saved by learn --save")
     add(
@@ -40,7 +47,6 @@ def run(options: argparse.Namespace) -> int:
     """Carry out `upright plot`."""
     from upright.policies.files import load_policy
     from upright.reports import plots
-    from upright.studies.study import stored
 
     output = plots.check_picture(options.output or f"{options.kind}.png")
     if options.kind == "policy":
@@ -48,14 +54,33 @@ def run(options: argparse.Namespace) -> int:
     elif options.kind == "phases":
         figure = plots.plot_phases(load_policy(options.source, options.agent))
     else:
+        learned = runs_to_draw(options.source)
+        without = [(case, results) for case, results in learned if case.spec.noise == "none"]
         curves = options.kind == "curves"
-        found = stored(options.source)
-        learned = [
-            (case, runs) for case, _, runs in found if case.spec.noise == "none" or not curves
-        ]
-        if not learned:
-            raise UprightError(f"store is {options.source!r}; it holds no runs to draw")
-        figure = plots.plot_curves(learned) if curves else plots.plot_trials(learned)
+        figure = plots.plot_curves(without or learned) if curves else plots.plot_trials(learned)
     plots.save(figure, output)
     print(f"picture: {output}")
     return 0
+
+
+def runs_to_draw(path: str) -> "Learned":
+    """Return the cases of a store and their results; where a case has several seeds, named by them.
+
+    Raises
+    ------
+    UprightError
+        If there are none.
+    """
+    from upright.studies.study import stored
+
+    found = [entry for entry in stored(path) if entry[2]]
+    if not found:
+        raise UprightError(f"store is {path!r}; it holds no runs to draw")
+    times = Counter(case for case, _, _ in found)
+    return [
+        (
+            case if times[case] == 1 else replace(case, label=f"{case.label}, seed {seed}"),
+            results,
+        )
+        for case, seed, results in found
+    ]
