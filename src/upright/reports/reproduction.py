@@ -165,22 +165,25 @@ every trial and learns nothing: a learner is only as good as its improvement ove
 
 ![Learning curves](learning-curves.png)
 
-Length of each trial, noise-free. Thin lines are runs, the thick line is the median run.
+How many steps each trial lasted, noise-free: the median run, and the middle half of the runs. A run
+that has succeeded counts with all steps in later trials.
 
 ![Distribution of trials to success](trials.png)
 
-Fraction of runs that succeeded within a given number of trials, for each noise case. A curve ends
-below 1 if some runs failed.
+Runs that succeeded within a given number of trials, for each noise case, with 95 % intervals. A
+curve ends below 100 % if some runs failed.
 
 ## Learned policies
 
 ![Policy maps](policies.png)
 
-Probability of a push to the right, with the cart at rest in the middle of its track.
+Probability of a push to the right. Above, the cart is at rest in the middle of its track; below,
+the pole is upright and at rest. Along the line, both sides are as likely.
 
 ![Phase portraits](phases.png)
 
-Phase portraits of cart and pole while the policy that REINFORCE learned balances them.
+Phase portraits of cart and pole while the policy that REINFORCE learned balances them. Each push
+changes the velocities, so that the states themselves zigzag; the coloured line is smoothed.
 
 ## All figures
 
