@@ -47,6 +47,10 @@ def test_the_curve_of_a_run_is_titled_in_words(tmp_path, monkeypatch, capsys):
     line = "learn random-search --noise sensor-5 --steps 300 --seed 3 --quiet --plot curve.png"
     assert run(line.split()) == 0
     assert titles == [
-        ("Random search, 5 % sensor noise", "success after 300 steps; seed 3, run 0"),
+        (
+            "Random search, 5 % sensor noise",
+            "success after 300 steps; seed 3, run 0",
+            "random-search",
+        )
     ]
     capsys.readouterr()

@@ -130,14 +130,14 @@ def test_a_failed_run_is_seen_to_have_failed():
 
 @pytest.mark.parametrize("lengths", [[60_000], [9, 60_000], [9, 12, 60_000], [8]])
 def test_few_trials_are_bars_from_zero(lengths):
-    (axes,) = drawn(plots.plot_curve(np.array(lengths), 60_000, "title")).axes
+    (axes,) = drawn(plots.plot_curve(np.array(lengths), 60_000, "title", agent="ndp")).axes
     assert [bar.get_height() for bar in axes.patches] == lengths
     assert axes.get_yscale() == "linear"
     assert axes.get_ylim()[0] == 0
     assert tick_labels(axes.xaxis) == [str(trial) for trial in range(1, len(lengths) + 1)]
     assert f"{lengths[-1]:,}" in [text.get_text() for text in axes.texts]
     pale = axes.patches[0].get_facecolor()
-    assert same_color(pale, curves.COLOUR) == (lengths[0] == 60_000)
+    assert same_color(pale, style.AGENT_COLOURS["ndp"]) == (lengths[0] == 60_000)
 
 
 def test_a_long_run_is_pale_points_and_their_running_median():

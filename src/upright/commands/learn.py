@@ -75,7 +75,8 @@ def run(options: argparse.Namespace) -> int:
         title, task = f"{case_name(case)}, {noise_name(case.spec.noise)}", task_name(case.spec)
         made = f"seed {options.seed}, run {options.run}"
         subtitle = f"{task}; {made}" if task else made
-        save(plot_curve(result.lengths, case.spec.steps, title, subtitle), options.plot)
+        figure = plot_curve(result.lengths, case.spec.steps, title, subtitle, case.agent)
+        save(figure, options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
         from upright.studies.learned import save_learned

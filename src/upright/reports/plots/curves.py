@@ -12,6 +12,7 @@ from upright.core.trials import Result
 from upright.reports.names import case_names, count, noise_name, shared_task_name, task_name
 from upright.reports.plots.style import (
     AGENT_COLOURS,
+    CUSTOM_COLOURS,
     INK,
     MUTED,
     Learned,
@@ -40,12 +41,12 @@ RUG = 1.6
 """Height of the marks of successes, in multiples of the steps of a success."""
 SUCCESS: dict[str, Any] = {"color": MUTED, "linestyle": (0, (4, 2)), "lw": 1, "zorder": 1.5}
 """Line of the steps of a success."""
-COLOUR = AGENT_COLOURS["reinforce"]
-"""Colour of a single run."""
 
 
 @styled()
-def plot_curve(lengths: np.ndarray, steps: int, title: str, subtitle: str = "") -> Figure:
+def plot_curve(
+    lengths: np.ndarray, steps: int, title: str, subtitle: str = "", agent: str = ""
+) -> Figure:
     """Draw the learning curve of one run: how long each trial lasted.
 
     Up to three trials are bars. Of more than 40, each is a pale point, and a line is their running
@@ -59,7 +60,10 @@ def plot_curve(lengths: np.ndarray, steps: int, title: str, subtitle: str = "") 
         N: steps of a success.
     title, subtitle
         Lines above the picture.
+    agent
+        Name of the agent, which has its colour; custom ones, and none, have one colour.
     """
+    colour = AGENT_COLOURS.get(agent, CUSTOM_COLOURS[0])
     figure = Figure((6.4, 3.9), layout="constrained")
     axes = figure.subplots()
     trials = len(lengths)
@@ -71,10 +75,10 @@ def plot_curve(lengths: np.ndarray, steps: int, title: str, subtitle: str = "") 
     number_axis(axes.xaxis, 1, trials, logarithmic=False)
     axes.grid(visible=False, axis="x")
     if trials <= FEW_TRIALS:
-        _draw_bars(axes, lengths, steps)
+        _draw_bars(axes, lengths, steps, colour)
     else:
         _steps_axis(axes, int(lengths.min()), steps)
-        _draw_run(axes, lengths, steps)
+        _draw_run(axes, lengths, steps, colour)
     return figure
 
 
@@ -96,9 +100,9 @@ def running_median(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     return centres + 1, medians, 2 * half + 1
 
 
-def _draw_bars(axes: Axes, lengths: np.ndarray, steps: int) -> None:
+def _draw_bars(axes: Axes, lengths: np.ndarray, steps: int, colour: str) -> None:
     """Draw a few trials as bars, which start at zero and hence need a linear axis."""
-    colours = [COLOUR if length >= steps else shade(COLOUR, 0.5) for length in lengths]
+    colours = [colour if length >= steps else shade(colour, 0.5) for length in lengths]
     bars = axes.bar(np.arange(1, len(lengths) + 1), lengths, width=0.3, color=colours)
     axes.bar_label(bars, [whole(length) for length in lengths], padding=2, fontsize=9, zorder=4)
     axes.set(xlim=(0, len(lengths) + 1), ylim=(0, 1.2 * steps))
@@ -107,20 +111,20 @@ def _draw_bars(axes: Axes, lengths: np.ndarray, steps: int) -> None:
     _mark_success(axes, steps)
 
 
-def _draw_run(axes: Axes, lengths: np.ndarray, steps: int) -> None:
+def _draw_run(axes: Axes, lengths: np.ndarray, steps: int, colour: str) -> None:
     trials = np.arange(1, len(lengths) + 1)
     if len(lengths) <= MANY_TRIALS:
-        axes.plot(trials, lengths, "o-", color=COLOUR, markersize=4, label="trial")
+        axes.plot(trials, lengths, "o-", color=colour, markersize=4, label="trial")
     else:
         raster = len(lengths) > POINTS  # so many points would make a vector file huge
-        pale = shade(COLOUR, 0.6)
+        pale = shade(colour, 0.6)
         axes.plot(trials, lengths, ".", color=pale, ms=3, rasterized=raster, label="trial")
         centres, medians, window = running_median(lengths)
-        axes.plot(centres, medians, color=COLOUR, label=f"median of {window:,} trials")
+        axes.plot(centres, medians, color=colour, label=f"median of {window:,} trials")
         axes.figure.legend(loc="outside lower center", ncols=2)
     succeeded = lengths[-1] >= steps
     mark, size = ("*", 13) if succeeded else ("X", 8)
-    axes.plot(trials[-1], lengths[-1], mark, color=COLOUR if succeeded else INK, ms=size, zorder=4)
+    axes.plot(trials[-1], lengths[-1], mark, color=colour if succeeded else INK, ms=size, zorder=4)
     _mark_success(axes, steps)
 
 
