@@ -2,23 +2,33 @@
 
 import argparse
 import doctest
+import json
+import re
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
-from helpers import python
+from helpers import ROOT, python
 
 import upright.errors
 from upright import __version__
 from upright.agents import AGENTS
 from upright.commands import COMMANDS, make_parser, run
 from upright.commands.completion import actions
-from upright.commands.options import LABELS, add_task_options, task_of
+from upright.commands.options import (
+    LABELS,
+    add_case_options,
+    add_task_options,
+    cases_of,
+    task_of,
+)
 from upright.commands.parser import Parser
 from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.task import TaskSpec
+from upright.errors import UprightError
 from upright.nodes.settings import SIMULATED
 from upright.plants import PLANTS
 from upright.reports.tables import FORMATS
@@ -211,6 +221,132 @@ def test_options_that_a_command_lacks_are_not_read():
     parser = Parser()
     add_task_options(parser, ("--steps", "--trials"))
     assert task_of(parser.parse([])) == {"steps": STEPS, "trials": TRIALS}
+
+
+# ------------------------------------------------------------------------------ settings
+
+
+def cases_for(line, agents):
+    parser = Parser()
+    add_case_options(parser)
+    return cases_of(parser.parse(shlex.split(line)), agents)
+
+
+def test_settings_are_changed_for_the_agent_that_is_named():
+    line = "--set q-learning.learning_rate=0.3 --set reinforce.epochs=3"
+    q_learning, reinforce, guess = cases_for(line, ["q-learning", "reinforce", "random-search"])
+    assert q_learning.settings == replace(AGENTS.default("q-learning"), learning_rate=0.3)
+    assert reinforce.settings == replace(AGENTS.default("reinforce"), epochs=3)
+    assert guess.settings == AGENTS.default("random-search")
+    names = [case.settings_name for case in (q_learning, reinforce, guess)]
+    assert names == ["default, learning_rate=0.3", "default, epochs=3", "default"]
+
+
+def test_the_agent_may_be_left_out_where_there_is_one():
+    for line in ("--set learning-rate=0.3", "--set q-learning.learning-rate=0.3"):
+        (case,) = cases_for(f"--settings as-published {line}", ["q-learning"])
+        assert case.settings_name == "as-published"
+        assert case.settings.learning_rate == 0.3
+
+
+def test_a_sweep_gives_a_case_for_each_combination():
+    line = "--set q-learning.discount=0.9,0.99 --set q-learning.mirrored=True,False"
+    cases = cases_for(line, ["q-learning", "random-search"])
+    assert [case.settings_name for case in cases] == [
+        "default, discount=0.9",
+        "default, discount=0.9, mirrored=False",
+        "default",
+        "default, mirrored=False",
+        "default",
+    ]
+    assert len({case.key for case in cases}) == 5
+
+
+def test_a_settings_file_is_for_its_agent_and_can_be_changed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = "agent = 'q-learning'\n[settings]\nlearning_rate = 0.5\n"
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).write_text(text.replace("0.5", "0.25") if name == "b.toml" else text)
+    line = "--settings-file a.toml --settings as-published --set q-learning.discount=0.9,0.8"
+    *cases, guess = cases_for(line, ["q-learning", "random-search"])
+    assert [case.settings_name for case in cases] == [
+        "a.toml, discount=0.9",
+        "a.toml, discount=0.8",
+    ]
+    assert cases[1].settings == replace(
+        AGENTS.default("q-learning"), learning_rate=0.5, discount=0.8
+    )
+    assert guess.settings == AGENTS.default("random-search")
+    both = cases_for("--settings-file a.toml --settings-file b.toml", ["q-learning"])
+    assert [case.settings.learning_rate for case in both] == [0.5, 0.25]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("--set learning_rate=0.3", "it must name one of the agents: AGENT.learning_rate=0.3"),
+        ("--set ndp.hidden=3", "'ndp' is not among the agents: q-learning, random-search"),
+        ("--set q_learning.discount=1", "did you mean 'q-learning'?"),
+        ("--set q-learning.discont=1", "did you mean 'discount'?"),
+        ("--set q-learning.discount=2", "discount is 2.0"),
+        ("--set q-learning.discount=", "discount is ''"),
+        ("--set q-learning.discount", "it must be NAME=VALUE"),
+        ("--set q-learning.discount=1 --set q-learning.discount=0.5", "is given twice"),
+        ("--settings-file reinforce.toml", "it is for reinforce, which is not among the agents"),
+        ("--settings-file same.toml --settings-file x/same.toml", "there are two of this name"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(line, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x").mkdir()
+    for name in ("same.toml", "x/same.toml", "reinforce.toml"):
+        agent = "reinforce" if "reinforce" in name else "q-learning"
+        (tmp_path / name).write_text(f"agent = '{agent}'\n[settings]\n")
+    with pytest.raises(UprightError, match=re.escape(said)):
+        cases_for(line, ["q-learning", "random-search"])
+
+
+def test_a_custom_agent_has_no_settings_to_change(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT)
+    agent = "examples.plain_agent:TinyQ"
+    with pytest.raises(UprightError, match="it has no settings that could be changed here"):
+        cases_for(f"--set {agent}.agent_name=x", [agent])
+
+
+def test_a_table_sweeps_settings_and_parameters(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    line = "table --agents random-search,q-learning --noises none,sensor-5 --runs 1 --steps 50"
+    line += " --set random-search.x_scale=2,3 --parameter half_length=0.5,1.0 --store runs.sqlite"
+    assert run([*line.split(), "--format", "json"]) == 0
+    shown = capsys.readouterr()
+    assert "12 cases of 1 runs each" in shown.err
+    rows = json.loads(shown.out)
+    found = [(row["settings"], row["parameters"], row["noise"]) for row in rows]
+    assert len(found) == len(set(map(str, found))) == 12
+    assert found[2] == ("default, x_scale=2.0", {"half_length": 1.0}, "none")
+    assert found[-1] == ("default", {"half_length": 1.0}, "sensor-5")
+    assert run(["show", "runs.sqlite", "--format", "json"]) == 0
+    kept = {(row["settings"], row["noise"]) for row in json.loads(capsys.readouterr().out)}
+    assert kept == {(row["settings"], row["noise"]) for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("table --parameter half_length=1,x", "half_length is 'x'; it must be a number"),
+        ("table --parameter half_length=1,0", "half_length is 0.0"),
+        ("table --parameter half_length=1 --parameter half-length=2", "is given twice"),
+        ("table --parameter force=" + ",".join(["1"] * 1001), "the sweep has 1,001 cases"),
+        ("table --parameter force=" + ",".join(["1"] * 100), "the sweep has 4,200 cases"),
+        ("learn reinforce --parameter half_length=1,2", "half_length is '1,2'"),
+        ("learn q-learning --set discount=0.9,0.99", "ask for 2 cases; this command has one"),
+    ],
+)
+def test_a_sweep_that_cannot_be_is_refused_before_anything_runs(line, said, capsys):
+    assert run(line.split()) == BAD_USE
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
 
 
 # ------------------------------------------------------------------------------ did you mean

@@ -1,5 +1,6 @@
 import math
 import os
+import shlex
 import signal
 import sqlite3
 import subprocess
@@ -23,13 +24,16 @@ from upright.commands import run
 from upright.errors import UprightError, require
 from upright.studies import tuning
 from upright.studies.case import make_case
+from upright.studies.intervals import bootstrap_interval
 from upright.studies.run import make_run
 from upright.studies.search_space import Range, search_space
+from upright.studies.settings_file import read_settings
 from upright.studies.store import Store
 from upright.studies.tuning import (
     SEEDS,
+    Comparison,
     Search,
-    as_options,
+    Validation,
     as_python,
     search,
     search_seed,
@@ -37,7 +41,7 @@ from upright.studies.tuning import (
     validation_seed,
 )
 from upright.support.exit_status import BAD_USE, INTERRUPTED
-from upright.support.settings import change_settings
+from upright.support.settings import as_options, change_settings, changed_values
 
 QUICK = {"steps": 300, "trials": 60}
 
@@ -206,13 +210,36 @@ def test_seeds_of_searches_and_of_validations_never_meet():
 def test_the_best_is_measured_again_beside_the_start():
     look = wanted()
     better = RandomSearch(x_scale=9.0)
-    tuned, start = validate(look, better, 10)
-    for settings, worth in ((better, tuned), (look.cases[0].settings, start)):
+    compared = validate(look, better, 10)
+    made = []
+    for settings, worth in zip((better, look.cases[0].settings), compared[:2], strict=True):
         cases = [replace(case, settings=settings) for case in look.cases]
         runs = [make_run(case, validation_seed(0), run)[1] for case in cases for run in range(10)]
         assert worth.mean_trials == np.mean([r.trials for r in runs])
         assert worth.ci95[0] < worth.mean_trials < worth.ci95[1]
         assert (worth.successes, worth.runs) == (sum(r.success for r in runs), 20)
+        made.append(np.array([r.trials for r in runs]))
+    gains = made[1] - made[0]
+    assert compared.gain == gains.mean() != 0
+    assert compared.gain_ci95 == bootstrap_interval(gains)
+
+
+@pytest.mark.parametrize(
+    ("gain", "interval", "said"),
+    [
+        (3.12, (1.2, 5.04), "The tuned settings are better by 3.1 trials [1.2, 5.0]."),
+        (-3.12, (-5.04, -1.2), "The tuned settings are worse by 3.1 trials [1.2, 5.0]."),
+        (1.0, (-0.5, 2.5), "can be shown: +1.0 trials [-0.5, +2.5]."),
+        (-1.0, (-2.5, 0.5), "can be shown: -1.0 trials [-2.5, +0.5]."),
+        (1.0, (0.0, 2.5), "No difference between the tuned and the original settings can be shown"),
+        (0.0, (0.0, 0.0), "need as many trials as the original ones in every run."),
+    ],
+)
+def test_the_verdict_is_one_sentence_about_the_interval(gain, interval, said):
+    anything = Validation(1.0, (1.0, 1.0), 1, 1)
+    verdict = Comparison(anything, anything, gain, interval).verdict()
+    assert said in verdict
+    assert verdict.count(". ") == 0
 
 
 def test_candidates_that_are_not_allowed_are_given_up(tmp_path, monkeypatch):
@@ -346,8 +373,8 @@ def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
             for each in search_space(start)
         }
         settings = replace(start, **drawn)
-        options = as_options(settings, start)
-        texts = dict(option.removeprefix("--set ").strip("'").split("=") for option in options)
+        options = as_options("--set", changed_values(start, settings))
+        texts = dict(shlex.split(option)[1].split("=") for option in options)
         assert change_settings(start, texts) == settings
         scope = {}
         exec(as_python(settings).replace("\n\n", "\n\nmade = "), scope)
@@ -355,7 +382,8 @@ def test_settings_are_printed_in_forms_that_make_them_again(agent, label):
 
 
 def test_tuples_are_quoted_for_the_shell():
-    assert as_options(AseAce(x_edges=(-1.5, 1.5)), AseAce()) == ["--set 'x_edges=(-1.5, 1.5)'"]
+    changed = changed_values(AseAce(), AseAce(x_edges=(-1.5, 1.5)))
+    assert as_options("--set", changed) == ["--set 'x_edges=(-1.5, 1.5)'"]
 
 
 # ------------------------------------------------------------------------------ the command
@@ -368,6 +396,7 @@ def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys
     monkeypatch.chdir(tmp_path)
     for candidates in (8, 10):
         line = [*LINE.split(), "--candidates", str(candidates), "--set", "x_scale=2.0"]
+        line += ["--output", "tuned.toml"]
         assert run([*line, "--search", "theta_scale", "--search", "x_dot_scale"]) == 0
         shown = capsys.readouterr().out
         assert f"best of {candidates} candidates" in shown
@@ -375,6 +404,14 @@ def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys
         assert shown.count("9 of 9 runs succeeded") == 2
         assert "upright learn random-search --set x_scale=2.0" in shown
         assert "\nRandomSearch(x_scale=2.0" in shown
+        assert "\nThe tuned settings are " in shown or "\nNo difference " in shown
+        file = read_settings("tuned.toml")
+        assert (file.agent, file.values["x_scale"]) == ("random-search", 2.0)
+        assert repr(RandomSearch(**file.values)).startswith("RandomSearch(x_scale=2.0")
+        learn = next(text for text in shown.splitlines() if text.startswith("upright learn"))
+        for name, value in changed_values(RandomSearch(), RandomSearch(**file.values)).items():
+            assert f"--set {name}={value}" in learn
+        assert f"candidates = {candidates}\n" in (tmp_path / "tuned.toml").read_text()
     assert len(tried(tmp_path / "tune-random-search.sqlite")) == 10
 
 
@@ -393,6 +430,9 @@ def test_tune_prints_its_result_and_can_be_resumed(tmp_path, monkeypatch, capsys
         ("--set x_scale=2 --search x_scale", "the same setting is fixed"),
         ("--set x_scale", "NAME=VALUE"),
         ("--store missing/tune", "folder"),
+        ("--output missing/tuned.toml", "folder"),
+        ("--output tuned.json", "'.json'; it must be one of .toml"),
+        ("--set x_scale=2,3", "ask for 2 cases; this command has one"),
     ],
 )
 def test_bad_usage_prints_one_clear_line_and_changes_nothing(

@@ -14,7 +14,17 @@ from upright.core.conditions import NOISES
 
 SHELLS = ("bash", "zsh", "fish")
 """Shells that have a script."""
-FREE = ("N", "K", "NAME=VALUE", "NAME[=LOW:HIGH]", "MODULE:NAME", "URL", "VALUE")
+FREE = (
+    "N",
+    "K",
+    "NAME=VALUE",
+    "NAME=VALUES",
+    "AGENT.NAME=VALUES",
+    "NAME[=LOW:HIGH]",
+    "MODULE:NAME",
+    "URL",
+    "VALUE",
+)
 """Metavariables of values that nothing completes."""
 FILES = ("FILE", "POLICY", "PICTURE", "OUTPUT")
 """Metavariables of files."""

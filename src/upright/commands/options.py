@@ -4,6 +4,7 @@ Allowed names come from where the things themselves stand; help, errors and comp
 """
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from upright.agents import AGENTS
@@ -18,6 +19,7 @@ from upright.core.conditions import (
     TRIALS,
 )
 from upright.core.parameters import Parameters, parse_parameters
+from upright.errors import UprightError, did_you_mean
 from upright.plants import PLANTS
 from upright.reports.tables import FORMATS
 from upright.support.settings import describe_settings
@@ -25,6 +27,7 @@ from upright.support.settings import describe_settings
 if TYPE_CHECKING:
     from upright.plants.settings import PlantSettings
     from upright.studies.case import Case
+    from upright.studies.settings_file import SettingsFile
 
 LABELS = ("default", "as-published")
 """Names that an agent's settings may have."""
@@ -103,6 +106,14 @@ SHARED: dict[str, dict[str, Any]] = {
         "dest": "changes",
         "help": "change one of the agent's settings (see upright agents); may be repeated",
     },
+    "--settings-file": {
+        "action": "append",
+        "default": [],
+        "metavar": "FILE",
+        "dest": "settings_files",
+        "help": "take the agent's settings from this file, which tune --output wrote, instead of "
+        "--settings",
+    },
     "--plant": _one_of(PLANTS, "equations", "the plant to balance (see upright plants)"),
     "--plant-set": {
         "action": "append",
@@ -160,12 +171,32 @@ def add_task_options(
 
 def task_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return the parts of the task that the options of `add_task_options` ask for, by name."""
-    given = vars(options)
-    parts = (name.removeprefix("--") for name in TASK)
-    task = {part: given[part] for part in parts if given.get(part) is not None}
-    if changes := given.get("parameters"):
+    task = _parts_of_task(options)
+    if changes := vars(options).get("parameters"):
         task["parameters"] = parse_parameters(changes, "--parameter")
     return task
+
+
+def tasks_of(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return the parts of each task where --parameter may ask for several: as `task_of`."""
+    from upright.support.settings import combinations, pairs, split_values
+
+    values = {
+        name: [
+            parse_parameters([f"{name}={value}"], "--parameter")[name]
+            for value in split_values(text)
+        ]
+        for name, text in pairs("--parameter", options.parameters)
+    }
+    task = _parts_of_task(options)
+    return [task | {"parameters": chosen} for chosen in combinations(values)]
+
+
+def _parts_of_task(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the parts of the task but for its parameters."""
+    given = vars(options)
+    parts = (name.removeprefix("--") for name in TASK)
+    return {part: given[part] for part in parts if given.get(part) is not None}
 
 
 def add_plant_options(parser: Parser) -> None:
@@ -189,7 +220,7 @@ def plant_of(options: argparse.Namespace) -> "PlantSettings":
 
 def add_case_options(parser: Parser) -> None:
     """Add the settings of one agent, which `case_of` reads."""
-    add(parser, "--settings", "--set")
+    add(parser, "--settings", "--settings-file", "--set")
 
 
 def case_of(options: argparse.Namespace, **parts: Any) -> "Case":
@@ -205,16 +236,93 @@ def case_of(options: argparse.Namespace, **parts: Any) -> "Case":
     Raises
     ------
     UprightError
+        If a name is unknown, a value is not allowed, or several cases are asked for.
+    """
+    first, *others = cases_of(options, [options.agent], **(task_of(options) | parts))
+    if others:
+        raise UprightError(
+            f"--set and --settings-file ask for {1 + len(others)} cases; this command has one"
+        )
+    return first
+
+
+def cases_of(options: argparse.Namespace, agents: Sequence[str], **parts: Any) -> "list[Case]":
+    """Return the cases of agents with all the settings that are asked for.
+
+    Parameters
+    ----------
+    options
+        Those of `add_case_options`.
+    agents
+        Names of the agents.
+    **parts
+        The other parts of the cases.
+
+    Raises
+    ------
+    UprightError
         If a name is unknown, or a value is not allowed.
     """
     from dataclasses import replace
 
-    from upright.studies.case import make_case
-    from upright.support.settings import change_settings, pairs
+    from upright.studies.case import make_case, name_settings, refuse_settings_of_custom
+    from upright.studies.settings_file import read_settings
+    from upright.support.settings import sweep_settings
 
-    case = make_case(options.agent, options.settings, **(task_of(options) | parts))
-    changes = dict(pairs("--set", options.changes))
-    return replace(case, settings=change_settings(case.settings, changes)) if changes else case
+    changes = changes_by_agent(options.changes, agents)
+    files = [read_settings(path) for path in options.settings_files]
+    _check_files(files, agents)
+    cases = []
+    for agent in agents:
+        if changes[agent]:
+            refuse_settings_of_custom(agent)
+        own = [file for file in files if file.agent == agent]
+        for file in own:
+            start = make_case(agent, settings=file.values, **parts)
+            for settings in sweep_settings(start.settings, changes[agent]):
+                label = name_settings(file.name, start.settings, settings)
+                cases.append(replace(start, label=label, settings=settings))
+        if not own:
+            start = make_case(agent, options.settings, **parts)
+            every = sweep_settings(start.settings, changes[agent])
+            cases += [replace(start, settings=settings) for settings in every]
+    return cases
+
+
+def _check_files(files: "Sequence[SettingsFile]", agents: Sequence[str]) -> None:
+    """Raise UprightError if a file is for no agent, or two could not be told apart."""
+    names = [file.name for file in files]
+    for file in files:
+        if file.agent not in agents:
+            why = f"it is for {file.agent}, which is not among the agents: {', '.join(agents)}"
+            raise UprightError(f"settings file is {file.name!r}; {why}")
+        if names.count(file.name) > 1:
+            raise UprightError(f"settings file is {file.name!r}; there are two of this name")
+
+
+def changes_by_agent(texts: Sequence[str], agents: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Return the changes of settings that --set asks for: for each agent, the values by name.
+
+    Raises
+    ------
+    UprightError
+        If a text is not of the form AGENT.NAME=VALUE with one of these agents. Where there is one
+        agent alone, its name may be left out.
+    """
+    from upright.support.settings import pairs
+
+    found: dict[str, list[str]] = {agent: [] for agent in agents}
+    for text in texts:
+        owner, dot, _ = text.partition("=")[0].rpartition(".")
+        if not dot and len(agents) > 1:
+            raise UprightError(f"--set is {text!r}; it must name one of the agents: AGENT.{text}")
+        agent = owner.strip() if dot else agents[0]
+        if agent not in found:
+            hint = did_you_mean(agent, agents)
+            why = f"{agent!r} is not among the agents: {', '.join(agents)}{hint}"
+            raise UprightError(f"--set is {text!r}; {why}")
+        found[agent].append(text[len(owner + dot) :])
+    return {agent: dict(pairs("--set", changes)) for agent, changes in found.items()}
 
 
 def noises_of(options: argparse.Namespace) -> list[str]:

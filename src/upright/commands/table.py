@@ -1,18 +1,21 @@
 """Measure agents over many runs, beside the published figures."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from upright.commands.options import (
     CUSTOM_AGENTS,
+    UNITS,
     add,
     add_plant_options,
     add_task_options,
+    cases_of,
     noises_of,
     plant_of,
     split,
-    task_of,
+    tasks_of,
 )
 from upright.commands.parser import Parser
 from upright.commands.showing import put, telling_what_is_kept
@@ -27,6 +30,9 @@ examples:
   upright table --runs 100 --steps 600000 --store runs.sqlite   (interrupted? run it again)
   upright table --agents my_module:MyAgent,random-search --noises none --runs 20
   upright table --plant mujoco --agents reinforce,random-search --runs 20
+  upright table --agents q-learning,reinforce --noises none --set q-learning.discount=0.9,0.99
+  upright table --agents adaptive-lqr --noises none --parameter half_length=0.25,0.5,1.0
+  upright table --agents q-learning,random-search --settings-file tuned.toml
   upright table --format json --output table.json
 {CUSTOM_AGENTS}\
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
@@ -37,8 +43,29 @@ failed; runs that had ended are in the store.
 def add_options(parser: Parser) -> None:
     """Add the options of `upright table`."""
     add(parser, "--agents", "--noises")
-    add_task_options(parser, ("--start", "--condition", "--steps", "--trials", "--parameter"))
+    add_task_options(parser, ("--start", "--condition", "--steps", "--trials"))
+    add(
+        parser,
+        "--parameter",
+        metavar="NAME=VALUES",
+        help="change a parameter of the plant (see upright plants); values with commas between "
+        f"give a row each; may be repeated: {UNITS}",
+    )
     add(parser, "--settings")
+    add(
+        parser,
+        "--settings-file",
+        help="take an agent's settings from this file, which tune --output wrote, instead of "
+        "--settings; may be repeated",
+    )
+    add(
+        parser,
+        "--set",
+        metavar="AGENT.NAME=VALUES",
+        help="change one of an agent's settings (see upright agents); values with commas between "
+        "give a row each; may be repeated, and every combination is measured. AGENT. may be left "
+        "out where there is one agent",
+    )
     add_plant_options(parser)
     add_measuring_options(parser)
 
@@ -50,19 +77,31 @@ def add_measuring_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright table`."""
-    from upright.studies.case import make_case
+    from dataclasses import replace
 
-    task = {"plant": plant_of(options)} | task_of(options)
-    cases = [
-        make_case(agent, options.settings, noise=noise, **task)
-        for agent in split(options.agents)
-        for noise in noises_of(options)
-    ]
-    return measure(cases, options)
+    from upright.core.task import TaskSpec
+    from upright.support.settings import require_few_cases
+
+    agents, tasks = split(options.agents), tasks_of(options)
+    starts = cases_of(options, agents, plant=plant_of(options))
+    noises = noises_of(options)
+    require_few_cases(len(starts) * len(tasks) * len(noises))
+    specs = [TaskSpec.from_data(task | {"noise": noise}) for task in tasks for noise in noises]
+    cases = [replace(start, spec=spec) for start in starts for spec in specs]
+    return measure(cases, options, is_sweep=len(starts) > len(agents) or len(tasks) > 1)
 
 
-def measure(cases: "Sequence[Case]", options: argparse.Namespace) -> int:
+def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: bool = False) -> int:
     """Run the cases, show their table as the options of `add_measuring_options` say, return 0.
+
+    Parameters
+    ----------
+    cases
+        What to run.
+    options
+        Those of `add_measuring_options`.
+    is_sweep
+        Whether to say how many cases there are.
 
     Raises
     ------
@@ -79,7 +118,10 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace) -> int:
     check_study(options.runs, options.seed)
     if options.output:
         check_output(options.output)
+    cases = list(dict.fromkeys(cases))  # a sweep may give the same value twice
     with Store(options.store) as store, telling_what_is_kept(options.store):
+        if is_sweep:
+            print(f"{len(cases)} cases of {options.runs} runs each", file=sys.stderr)
         study_with_progress(cases, options.runs, options.seed, store)
         rows = summarise_all(cases, options.runs, options.seed, store)
     put(render(rows, options.format), options.output)

@@ -16,6 +16,7 @@ from upright.commands.options import (
     add_case_options,
     add_task_options,
     case_of,
+    changes_by_agent,
     noises_of,
     whole,
 )
@@ -28,6 +29,8 @@ examples:
   upright tune q-learning --search learning_rate --search discount=0.9:0.999 --candidates 50
   upright tune ase-ace --settings as-published --set mirrored=True --noises all --runs 20
   upright tune reinforce --candidates 300             (after the first: 200 more)
+  upright tune q-learning --output tuned.toml
+  upright table --agents q-learning,random-search --settings-file tuned.toml
 {CUSTOM_AGENTS}"""
 
 
@@ -56,25 +59,44 @@ def add_options(parser: Parser) -> None:
         "--store",
         help="keep the candidates in this file (default: tune-AGENT.sqlite in this folder)",
     )
+    add(
+        parser,
+        "--output",
+        help="write the settings found to this file, which ends in .toml, for the option "
+        "--settings-file of learn, table and tune",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright tune`."""
     from upright.studies.progress import search_with_progress, study_with_progress
     from upright.studies.search_space import search_space
+    from upright.studies.settings_file import check_settings_output
     from upright.studies.study import check_study
-    from upright.studies.tuning import Search, describe, place_for, require_optuna, validate
-    from upright.support.settings import pairs
+    from upright.studies.tuning import (
+        Search,
+        describe,
+        place_for,
+        require_optuna,
+        result_text,
+        validate,
+    )
+    from upright.support.files import write_file
 
     require_optuna()
+    if options.output:
+        check_settings_output(options.output)
     cases = tuple(case_of(options, noise=noise) for noise in noises_of(options))
-    fixed = [name for name, _ in pairs("--set", options.changes)]
-    space = search_space(cases[0].settings, options.search, fixed)
+    fixed = changes_by_agent(options.changes, [options.agent])[options.agent]
+    space = search_space(cases[0].settings, options.search, list(fixed))
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)
     store = options.store or place_for(options.agent)
     with telling_what_is_kept(store, "finished candidates"):
         found = search_with_progress(wanted, options.candidates, store)
-        worths = validate(wanted, found.settings, options.validation_runs, study_with_progress)
-    print(describe(wanted, found, worths, options.settings))
+        compared = validate(wanted, found.settings, options.validation_runs, study_with_progress)
+    print(describe(wanted, found, compared, options.settings))
+    if options.output:
+        write_file(options.output, result_text(wanted, found, compared))
+        print(f"\nsettings: {options.output}")
     return 0

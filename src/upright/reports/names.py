@@ -110,7 +110,7 @@ def case_names(cases: Sequence[Case]) -> list[str]:
 
 
 def _case_name(case: Case, agent: str) -> str:
-    label = case.label.replace("as-published", "as published")
+    label = case.settings_name.replace("as-published", "as published")
     settings = [] if label == "default" else [label.removeprefix("default, ")]
     plant = changed_values(PLANTS.default(case.plant.name), case.plant)
     parts = [named(agent, case.language, case.plant.name), *settings]

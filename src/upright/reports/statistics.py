@@ -27,7 +27,7 @@ class Row:
     agent: str
     """Name of the agent."""
     settings: str
-    """Name of its settings."""
+    """Name of its settings, with what was changed."""
     task: TaskSpec
     """The task."""
     runs: int
@@ -132,7 +132,7 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     succeeded = len(trials) > 0
     return Row(
         agent=case.agent,
-        settings=case.label,
+        settings=case.settings_name,
         task=case.spec,
         runs=len(results),
         successes=len(trials),

@@ -16,7 +16,7 @@ from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
 from upright.studies.fingerprint import fingerprint
-from upright.support.settings import values_of
+from upright.support.settings import changed_values, values_of, with_values
 
 LANGUAGES = ("Python", "MATLAB")
 """Languages that a run can be made in: this package, or its MATLAB twin."""
@@ -33,19 +33,19 @@ class Case:
 
     Examples
     --------
-    `make_case` makes a case from names. To change a setting, use `dataclasses.replace`:
+    `make_case` makes a case from names. `dataclasses.replace` changes it:
 
     >>> from dataclasses import replace
     >>> case = upright.make_case("q-learning", noise="actuator-5")
     >>> slower = replace(case, settings=replace(case.settings, learning_rate=0.1))
-    >>> slower.settings.learning_rate
-    0.1
+    >>> slower.settings_name
+    'default, learning_rate=0.1'
     """
 
     agent: str
     """Name of the agent."""
     label: str
-    """Name of its settings, for display."""
+    """Name of the settings that its own are, or were before they were changed."""
     settings: Settings
     """Settings of the agent."""
     spec: TaskSpec = TaskSpec()
@@ -72,6 +72,12 @@ class Case:
     def name(self) -> str:
         """Name of the agent, for display."""
         return named(self.agent, self.language, self.plant.name)
+
+    @property
+    def settings_name(self) -> str:
+        """Name of its settings, and those that differ from the settings of this name."""
+        named = {} if AGENTS.is_path(self.agent) else AGENTS.settings(self.agent)
+        return name_settings(self.label, named.get(self.label, self.settings), self.settings)
 
     def twin_job(self, seed: int, runs: Iterable[int]) -> matlab_twin.TwinJob:
         """Return the job that makes the MATLAB twin run this case.
@@ -136,6 +142,12 @@ class Case:
         )
 
 
+def name_settings(label: str, usual: Settings, settings: Settings) -> str:
+    """Return the label of the usual settings, and those of the settings that differ from them."""
+    changed = changed_values(usual, settings)
+    return ", ".join([label, *(f"{name}={value}" for name, value in changed.items())])
+
+
 def named(agent: str, language: str, plant: str) -> str:
     """Return an agent's name, with language and plant in brackets if they are not the usual."""
     unusual = [name for name in (language, plant) if name not in ("Python", "equations")]
@@ -146,11 +158,12 @@ def make_case(
     agent: str,
     label: str = "default",
     *,
+    settings: Mapping[str, Any] = {},
     language: str = "Python",
     plant: PlantSettings | str = EQUATIONS,
     **task: Any,
 ) -> Case:
-    """Return the case of an agent with named settings.
+    """Return the case of an agent with named settings, some of which may be changed.
 
     Parameters
     ----------
@@ -159,6 +172,8 @@ def make_case(
     label
         Name of its settings: "default" or "as-published". An agent without settings as published
         uses its default ones.
+    settings
+        Those of its settings that are to be changed, by name.
     language
         "Python", or "MATLAB" for the twin.
     plant
@@ -177,6 +192,8 @@ def make_case(
     >>> case = upright.make_case("reinforce", "as-published", noise="gaussian-0.2", steps=600_000)
     >>> case.settings.learning_rate
     0.1
+    >>> upright.make_case("q-learning", settings={"learning_rate": 0.3}).settings_name
+    'default, learning_rate=0.3'
     """
     require_one_of("settings", label, ("default", "as-published"))
     if isinstance(plant, str):
@@ -184,9 +201,18 @@ def make_case(
     if not hasattr(plant, "make"):
         allowed = ", ".join(PLANTS)
         raise UprightError(f"plant is {plant!r}; it must be one of {allowed}, or its settings")
-    settings = AGENTS.settings(agent)
+    named = AGENTS.settings(agent)
     if is_custom(agent):
-        settings["default"].agent(np.random.default_rng(0))  # raises if it is not an agent
+        named["default"].agent(np.random.default_rng(0))  # raises if it is not an agent
         fingerprint(agent, plant.name)  # now, because the file may change once it is imported
-    label = label if label in settings else "default"
-    return Case(agent, label, settings[label], TaskSpec.from_data(task), language, plant)
+    label = label if label in named else "default"
+    if settings:
+        refuse_settings_of_custom(agent)
+    changed = with_values(named[label], settings)
+    return Case(agent, label, changed, TaskSpec.from_data(task), language, plant)
+
+
+def refuse_settings_of_custom(agent: str) -> None:
+    """Raise UprightError if an agent has no settings: one that is named `module:name`."""
+    if AGENTS.is_path(agent):
+        raise UprightError(f"agent is {agent!r}; it has no settings that could be changed here")

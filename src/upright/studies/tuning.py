@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from upright import __version__
 from upright.agents import AGENTS, Settings
 from upright.core.parameters import changed_parameters
 from upright.errors import UprightError, require, require_module
@@ -33,10 +34,11 @@ from upright.studies.case import Case
 from upright.studies.fingerprint import fingerprint
 from upright.studies.intervals import bootstrap_interval
 from upright.studies.search_space import Range
+from upright.studies.settings_file import settings_text
 from upright.studies.store import Store
 from upright.studies.study import study
 from upright.support.interrupts import hold_interrupts
-from upright.support.settings import values_of
+from upright.support.settings import as_options, changed_values
 
 SEEDS = 10**6
 """Seeds below this are for tables. No settings are chosen by runs with such a seed, so every table
@@ -357,12 +359,41 @@ class Validation(NamedTuple):
     """Number of runs."""
 
 
+class Comparison(NamedTuple):
+    """The settings found beside those that the search started from, on fresh runs."""
+
+    tuned: Validation
+    """The results of the settings found."""
+    original: Validation
+    """The results of the settings that the search started from."""
+    gain: float
+    """Mean of the differences in trials of runs of the same case and number: original - tuned."""
+    gain_ci95: tuple[float, float]
+    """Its 95 % interval (bootstrap over these pairs)."""
+
+    def verdict(self) -> str:
+        """Return one sentence: whether a difference can be shown."""
+        low, high = self.gain_ci95
+        if low == high == 0:
+            return "The tuned settings need as many trials as the original ones in every run."
+        if low <= 0 <= high:
+            return (
+                "No difference between the tuned and the original settings can be shown: "
+                f"{self.gain:+.1f} trials [{low:+.1f}, {high:+.1f}]."
+            )
+        low, high = sorted((abs(low), abs(high)))
+        word = "better" if self.gain > 0 else "worse"
+        return (
+            f"The tuned settings are {word} by {abs(self.gain):.1f} trials [{low:.1f}, {high:.1f}]."
+        )
+
+
 def validate(
     plan: Search,
     settings: Settings,
     runs: int,
     make: Callable[[list[Case], int, int, Store], object] = study,
-) -> tuple[Validation, Validation]:
+) -> Comparison:
     """Measure settings, and those a search started from, on runs that no candidate has seen.
 
     Parameters
@@ -381,7 +412,14 @@ def validate(
     seed = validation_seed(plan.seed)
     with Store() as store:
         make(tuned if tuned == start else tuned + start, runs, seed, store)
-        return _validation(tuned, store, seed), _validation(start, store, seed)
+        # Both settings draw the same starts in the first trial of a run, so runs are pairs.
+        gains = _trials(start, store, seed) - _trials(tuned, store, seed)
+        return Comparison(
+            _validation(tuned, store, seed),
+            _validation(start, store, seed),
+            float(gains.mean()),
+            bootstrap_interval(gains),
+        )
 
 
 def _validation(cases: list[Case], store: Store, seed: int) -> Validation:
@@ -390,9 +428,7 @@ def _validation(cases: list[Case], store: Store, seed: int) -> Validation:
     return Validation(float(trials.mean()), bootstrap_interval(trials), successes, len(trials))
 
 
-def describe(
-    plan: Search, result: SearchResult, validations: tuple[Validation, Validation], label: str
-) -> str:
+def describe(plan: Search, result: SearchResult, compared: Comparison, label: str) -> str:
     """Return a report of a search, with the settings as a command and as Python code.
 
     Parameters
@@ -401,44 +437,59 @@ def describe(
         What was searched.
     result
         What was found.
-    validations
+    compared
         The return value of `validate`.
     label
         Name of the settings that the options of `upright learn` change.
     """
     case, settings = plan.cases[0], result.settings
-    tuned, start = (
+    tuned, original = (
         f"{validation.mean_trials:8.1f} [{validation.ci95[0]:.1f}, {validation.ci95[1]:.1f}], "
         f"{validation.successes} of {validation.runs} runs succeeded"
-        for validation in validations
+        for validation in compared[:2]
     )
     learn = [f"upright learn {case.agent}"]
     learn += [f"--settings {label}"] if label != "default" else []
-    learn += as_options(settings, AGENTS.settings(case.agent)[label])
-    learn += [
-        f"--parameter {name}={value}"
-        for name, value in changed_parameters(case.spec.parameters).items()
-    ]
+    learn += as_options("--set", changed_values(AGENTS.settings(case.agent)[label], settings))
+    learn += as_options("--parameter", changed_parameters(case.spec.parameters))
+    same = settings == case.settings
     lines = [
         f"best of {result.candidates} candidates ({result.pruned} pruned), "
         f"chosen by {result.mean_trials:.1f} mean trials over {plan.runs} runs per case",
         "mean trials [95 % interval] on fresh runs, "
         f"where a failed run counts as {case.spec.trials:,}:",
         f"  tuned     {tuned}",
-        f"  original  {start}",
+        f"  original  {original}",
+        "The best settings are the original ones." if same else compared.verdict(),
     ]
-    if validations[0].mean_trials >= validations[1].mean_trials:
-        lines.append("The tuned settings are no better than the original ones.")
     lines += ["", " ".join(learn), "", as_python(settings)]
     return "\n".join(lines)
 
 
-def as_options(settings: Settings, start: Settings) -> list[str]:
-    """Return the options of `upright learn` that change the settings `start` into these."""
-    options = []
-    for name, value in _differences(settings, start).items():
-        options.append(f"--set '{name}={value}'" if " " in str(value) else f"--set {name}={value}")
-    return options
+def result_text(plan: Search, result: SearchResult, compared: Comparison) -> str:
+    """Return the content of a file with the settings found and how they were found.
+
+    Parameters are those of `describe`.
+    """
+    task = plan.cases[0].spec.as_data()
+    found = {
+        "version": __version__,
+        "searched": [range_.setting for range_ in plan.space],
+        "candidates": result.candidates,
+        "runs": plan.runs,
+        "seed": plan.seed,
+        "noises": [case.spec.noise for case in plan.cases],
+        **{name: task[name] for name in ("start", "condition", "steps", "trials")},
+        "parameters": [f"{name}={value}" for name, value in task["parameters"].items()],
+        "fresh_runs": compared.tuned.runs,
+        "mean_trials": round(compared.tuned.mean_trials, 3),
+        "mean_trials_ci95": [round(end, 3) for end in compared.tuned.ci95],
+        "original_mean_trials": round(compared.original.mean_trials, 3),
+        "original_mean_trials_ci95": [round(end, 3) for end in compared.original.ci95],
+        "gain": round(compared.gain, 3),
+        "gain_ci95": [round(end, 3) for end in compared.gain_ci95],
+    }
+    return settings_text(plan.cases[0].agent, result.settings, found)
 
 
 def as_python(settings: Settings) -> str:
@@ -451,9 +502,3 @@ def as_python(settings: Settings) -> str:
     )
     call = f"{kind.__name__}({', '.join(changed)})"
     return f"from {kind.__module__} import {kind.__name__}\n\n{call}"
-
-
-def _differences(settings: Settings, start: Settings) -> dict[str, Any]:
-    return {
-        name: value for name, value in values_of(settings).items() if value != getattr(start, name)
-    }

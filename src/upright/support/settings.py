@@ -5,8 +5,12 @@ The command line, stores, documentation and ROS 2 read fields, values and texts 
 
 import ast
 import inspect
-from collections.abc import Iterable, Iterator, Mapping
+import math
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from itertools import product
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from upright.errors import UprightError, require_one_of
@@ -22,6 +26,7 @@ class Fields(Protocol):
 
 
 S = TypeVar("S", bound=Fields)
+T = TypeVar("T")
 
 
 def values_of(settings: Fields) -> dict[str, Any]:
@@ -57,17 +62,46 @@ def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     UprightError
         If the values are not the owner's settings, or are not allowed.
     """
-    for old, new in renamed(default).items():
-        if old in values and new not in values:
-            values = {new if name == old else name: value for name, value in values.items()}
+    values = _by_present_name(default, values)
     if values.keys() != values_of(default).keys():
         raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {owner}")
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-    for name, value in values.items():
-        present = getattr(default, name)
-        if not _is_like(present, value):
-            raise UprightError(f"{name} is {value!r}; it must be like {present!r}")
-    return replace(default, **values)
+    return with_values(default, values)
+
+
+def with_values(settings: S, values: Mapping[str, Any]) -> S:
+    """Return settings with some of the values changed.
+
+    Former names of settings are accepted, and lists as tuples.
+
+    Raises
+    ------
+    UprightError
+        If there is no such setting, or its value is not allowed.
+    """
+    changes = {}
+    for name, value in _by_present_name(settings, values).items():
+        require_one_of("setting", name, values_of(settings))
+        changes[name] = _converted(name, value, getattr(settings, name))
+    return replace(settings, **changes)
+
+
+def _converted(name: str, value: object, present: object) -> object:
+    """Return a value in the type of the present one: a list as a tuple, an int as a float."""
+    if isinstance(value, list):
+        value = tuple(value)
+    elif isinstance(present, float) and isinstance(value, (int, float)):
+        value = value if isinstance(value, bool) else float(value)
+    if not _is_like(present, value):
+        raise UprightError(f"{name} is {value!r}; it must be like {present!r}")
+    return value
+
+
+def _by_present_name(settings: Fields, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the values of settings, with former names replaced by the present ones."""
+    for old, new in renamed(settings).items():
+        if old in values and new not in values:
+            values = {new if name == old else name: value for name, value in values.items()}
+    return values
 
 
 def change_settings(settings: S, changes: Mapping[str, str]) -> S:
@@ -78,13 +112,88 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
     UprightError
         If there is no such setting, it has been renamed, or its value is not allowed.
     """
+    return replace(settings, **{n: _parse(n, t, p) for n, t, p in _named(settings, changes)})
+
+
+def sweep_settings(settings: S, changes: Mapping[str, str]) -> list[S]:
+    """Return settings with every combination of the values, which have commas between.
+
+    A tuple has commas of its own: several are given in brackets, as (-1, 1),(-2, 2).
+
+    Raises
+    ------
+    UprightError
+        As for `change_settings`, or if there are more than `MOST_CASES`.
+    """
+    values: dict[str, list[object]] = {}
+    for name, text, present in _named(settings, changes):
+        several = not isinstance(present, tuple) or text.startswith("(")
+        parts = split_values(text) if several else [text]
+        values[name] = [_parse(name, part, present) for part in parts]
+    return [replace(settings, **chosen) for chosen in combinations(values)]
+
+
+def _named(settings: Fields, changes: Mapping[str, str]) -> Iterator[tuple[str, str, object]]:
+    """Yield the name, new value as text and present value of each setting to be changed."""
     present = values_of(settings)
-    values = {}
     for name, text in changes.items():
         refuse_former_name(settings, name)
         require_one_of("setting", name, present)
-        values[name] = _parse(name, text, present[name])
-    return replace(settings, **values)
+        yield name, text, present[name]
+
+
+MOST_CASES = 1_000
+"""Most combinations of values in a sweep, and most cases of a study."""
+
+
+def combinations(values: Mapping[str, Sequence[T]]) -> list[dict[str, T]]:
+    """Return every combination of one value for each name.
+
+    Raises
+    ------
+    UprightError
+        If there are more than `MOST_CASES`.
+
+    Examples
+    --------
+    >>> from upright.support.settings import combinations
+    >>> combinations({"a": [1, 2], "b": [3]})
+    [{'a': 1, 'b': 3}, {'a': 2, 'b': 3}]
+    """
+    require_few_cases(math.prod(map(len, values.values())))
+    return [dict(zip(values, chosen, strict=True)) for chosen in product(*values.values())]
+
+
+def require_few_cases(number: int) -> None:
+    """Raise UprightError if a sweep has more than `MOST_CASES` cases."""
+    if number > MOST_CASES:
+        raise UprightError(
+            f"the sweep has {number:,} cases; at most {MOST_CASES:,} are allowed in one study"
+        )
+
+
+def split_values(text: str) -> list[str]:
+    """Return the values in a text, which have commas between outside of brackets.
+
+    Examples
+    --------
+    >>> from upright.support.settings import split_values
+    >>> split_values("0.1, 0.3"), split_values("(-1, 1),(-2, 2)")
+    (['0.1', '0.3'], ['(-1, 1)', '(-2, 2)'])
+    """
+    return [part.strip() for part in re.split(r",(?![^(\[]*[)\]])", text)]
+
+
+def as_options(option: str, values: Mapping[str, Any]) -> list[str]:
+    """Return command-line options that set these values, quoted for the shell.
+
+    Examples
+    --------
+    >>> from upright.support.settings import as_options
+    >>> as_options("--set", {"learning_rate": 0.3, "x_edges": (-1.5, 1.5)})
+    ['--set learning_rate=0.3', "--set 'x_edges=(-1.5, 1.5)'"]
+    """
+    return [f"{option} {shlex.quote(f'{name}={value}')}" for name, value in values.items()]
 
 
 def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
@@ -98,13 +207,18 @@ def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
     Raises
     ------
     UprightError
-        If a text has no =.
+        If a text has no =, or a name is given twice.
     """
+    given = set()
     for change in changes:
         name, sign, value = change.partition("=")
         if not sign:
             raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
-        yield name.strip().replace("-", "_"), value.strip()
+        name = name.strip().replace("-", "_")
+        if name in given:
+            raise UprightError(f"{option} is {change!r}; {name} is given twice")
+        given.add(name)
+        yield name, value.strip()
 
 
 def _parse(name: str, text: str, present: object) -> object:
