@@ -82,7 +82,7 @@ def main() -> None:
     for agent in options.agents.split(","):
         case = upright.make_case(agent, steps=options.steps)
         results = [make_run(options.env, case, 0, number) for number in range(options.runs)]
-        rows.append(upright.summarise(case, 0, results))
+        rows.append(upright.summarise(case, 0, results, environment=options.env))
     print(f"{options.env}\n\n{upright.render(rows, 'text')}", end="")
 
 

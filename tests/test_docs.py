@@ -45,6 +45,53 @@ def test_the_recorded_study_meets_its_targets(rows):
         assert row.mean_trials <= limits[row.agent]
 
 
+def cells(line):
+    return [cell.strip(" *`") for cell in line.strip("|").split("|")]
+
+
+def test_the_protocol_quotes_what_was_tried_with_the_settings_of_the_report():
+    lines = (ROOT / "docs/results/report-settings.md").read_text().splitlines()
+    kept = [cells(line) for line in lines if line.startswith(("| reinforce", "| q-learning"))]
+    figures = {(success.partition(" [")[0], mean) for _, _, _, success, mean, *_ in kept}
+    assert len(kept) == 16 + 3 + 1 + 4 + 2
+    page = (ROOT / "docs/protocol.md").read_text()
+    head = "| varied | success | mean trials |\n"
+    quoted = [cells(line) for line in page.partition(head)[2].partition("\n\n")[0].splitlines()]
+    assert len(quoted) == 1 + 13
+    for varied, success, mean in quoted[1:]:
+        assert (success, mean) in figures or varied.startswith("report, Table"), varied
+
+
+@pytest.mark.parametrize("noise", PUBLISHED_NOISES)
+def test_ndp_is_quoted_beside_the_figures_of_si_and_wang(noise):
+    """From the same start, and with the factors that the text gives."""
+    lines = (ROOT / "docs/results/ndp-zero.md").read_text().splitlines()
+    (replicate,) = (
+        cells(line) for line in lines if line.startswith(f"| ndp | as-published | {noise}")
+    )
+    mean, published = replicate[4], float(replicate[8])
+    rows = {
+        row.agent: row
+        for row in recorded_rows(ROOT / "docs/leaderboard.json")
+        if (row.task.noise, row.task.start) == (noise, "zero")
+    }
+    tuned, guess = (
+        f"{row.mean_trials:.1f} [{row.ci95[0]:.1f}, {row.ci95[1]:.1f}]"
+        for row in (rows["ndp"], rows["random-search"])
+    )
+    expected = [noise, f"{published:g}", mean, tuned, guess]
+    lines = (ROOT / "docs/protocol.md").read_text().partition("### Si & Wang")[2].splitlines()
+    assert expected in [cells(line) for line in lines]
+    lines = (ROOT / "README.md").read_text().splitlines()
+    lqr = f"{rows['adaptive-lqr'].mean_trials:.2f}"
+    assert [*expected[:4], lqr, guess] in [cells(line) for line in lines]
+    ratio = float(mean.split()[0]) / published
+    if noise.startswith("actuator"):
+        assert 4.95 < ratio < 10.5
+    elif noise != "none":
+        assert 2.4 < 1 / ratio < 5
+
+
 def recorded(page, where):
     """Return agent, noise, success and mean trials of the runs on a plant or in a language."""
     row = rf"^\| (\S+) \({where}\) \| default \| (\S+) \| (.*?) \| (.*?) \|"

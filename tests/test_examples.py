@@ -77,5 +77,5 @@ def test_the_table_is_printed(monkeypatch, capsys):
     shown = capsys.readouterr().out
     assert shown.startswith("CartPole-v1\n")
     for agent in ("adaptive-lqr", "random-search"):
-        assert f"\n{agent} " in shown
+        assert f"\n{agent} (CartPole-v1) " in shown
     assert "2 runs per case, N = 300 steps" in shown

@@ -22,8 +22,7 @@ def test_the_report_has_tables_and_pictures(folder):
     for picture in PICTURES:
         assert f"]({picture})" in report
         assert (folder / picture).stat().st_size > 10_000
-    for figure in ("35.65", "106.90", "42.00", "| 193 |"):
-        assert figure in report
+    assert "| Report |" not in report, "its N is another"
     assert len(re.findall(r"^\| gaussian-0\.2 \|", report, re.MULTILINE)) == 2
 
 

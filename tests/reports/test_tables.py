@@ -29,8 +29,8 @@ def result(run, trials, success=True, steps=100):
 
 @pytest.fixture
 def rows():
-    case = make_case("q-learning", noise="none", steps=100)
-    noisy = make_case("q-learning", "as-published", noise="sensor-5", steps=100)
+    case = make_case("q-learning", noise="none")
+    noisy = make_case("q-learning", "as-published", noise="sensor-5", start="zero")
     results = [result(0, 3), result(1, 5), result(2, 10), result(3, 1000, success=False)]
     return [summarise(case, 0, results), summarise(noisy, 0, [result(0, 1000, success=False)])]
 
@@ -71,14 +71,34 @@ def test_failed_runs_count_in_the_rate_and_not_in_the_mean(rows):
 def test_a_case_without_success_has_no_mean(rows):
     row = rows[1]
     assert (row.successes, row.mean_trials, row.ci95, row.median_trials) == (0, None, None, None)
-    assert study_table(rows).body[1][4] == "–"
+    table = study_table(rows)
+    assert table.body[1][table.head.index("Mean trials")] == "–"
 
 
 def test_published_figures_appear_beside_their_case(rows):
     assert rows[0].published["Report"] == 42
-    assert rows[0].published["Si & Wang 2001"] == 6
+    assert "Si & Wang 2001" not in rows[0].published
     assert "Report" not in rows[1].published
     assert rows[1].published["Si & Wang 2001"] == 32
+
+
+def test_a_published_column_is_there_only_if_a_row_has_its_figure(rows):
+    other = summarise(make_case("q-learning", noise="none", steps=100), 0, [result(0, 3)])
+    assert "Report" in study_table([rows[0], other]).head
+    assert not {"Report", "Si & Wang 2001", "gym-cartpolemod"} & {*study_table([other]).head}
+    place = study_table([rows[0], other]).head.index("Report")
+    assert [line[place] for line in study_table([rows[0], other]).body] == ["42.00", "–"]
+    notes = study_table([rows[0]]).notes
+    assert any(note.endswith("(20 runs, N = 60,000, start random).") for note in notes)
+
+
+def test_changed_settings_are_named_in_every_format():
+    case = make_case("q-learning", settings={"learning_rate": 0.3})
+    row = summarise(case, 0, [result(0, 3)])
+    assert json.loads(to_json([row]))[0]["settings"] == "default, learning_rate=0.3"
+    for name in ("text", "markdown", "csv"):
+        assert "default, learning_rate=0.3" in render([row], name)
+    assert r"default, learning\_rate=0.3" in render([row], "latex")
 
 
 def test_json_is_read_back(rows):

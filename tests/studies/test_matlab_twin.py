@@ -296,7 +296,7 @@ def test_rows_of_the_twin_appear_beside_those_of_the_package(tmp_path, capsys):
     assert run(["matlab", "table", *same, "--format", "json"]) == 0
     rows = [Row.from_data(row) for row in json.loads(capsys.readouterr().out)]
     assert [row.name for row in rows] == ["q-learning (MATLAB)"] * 2
-    assert rows[0].published["Report"] == 42
+    assert not rows[0].published, "500 steps are not the published task"
     expected = [len(lengths(make_case("q-learning", steps=500), 0, k)) for k in range(3)]
     assert rows[0].mean_trials == pytest.approx(np.mean(expected))
     assert run(["table", *same]) == 0

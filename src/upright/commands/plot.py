@@ -79,7 +79,7 @@ def runs_to_draw(path: str) -> "Learned":
     times = Counter(case for case, _, _ in found)
     return [
         (
-            case if times[case] == 1 else replace(case, label=f"{case.label}, seed {seed}"),
+            case if times[case] == 1 else replace(case, label=f"{case.settings_name}, seed {seed}"),
             results,
         )
         for case, seed, results in found

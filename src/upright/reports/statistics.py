@@ -1,7 +1,7 @@
 """Statistics of studies: a row of figures for each case."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class Row:
     seconds: float
     """Computing time of all runs, on one core [s]."""
     published: dict[str, float]
-    """Published mean trials of the same noise case, by source."""
+    """Published mean trials of the same task, by source."""
     seed: int
     """Seed of the study."""
     version: str = __version__
@@ -65,7 +65,7 @@ class Row:
     language: str = "Python"
     """Language that the runs were made in."""
     plant: str = "equations"
-    """Name of the plant."""
+    """Name of the plant, or of the environment."""
     plant_settings: Mapping[str, Any] = field(default_factory=dict)
     """Settings of the plant that differ from the default ones."""
 
@@ -84,22 +84,22 @@ class Row:
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "Row":
-        """Return the row that is described by the result of `as_data`, also of version 0.1."""
+        """Return the row that is described by the result of `as_data`, also of version 0.1.
+
+        The published figures are looked up anew: version 0.1 had them beside other tasks, too.
+        """
         parts = {field.name for field in fields(TaskSpec)}
         task = {name: value for name, value in values.items() if name in parts}
         own = {name: value for name, value in values.items() if name not in parts}
         for name in INTERVALS:
             own[name] = own[name] and tuple(own[name])
-        return cls(task=TaskSpec.from_data(task), **own)
+        row = cls(task=TaskSpec.from_data(task), **own)
+        return replace(row, published=figures(row.agent, row.task, row.plant, row.plant_settings))
 
 
-def _published(case: Case) -> dict[str, float]:
-    """Return the published figures of a case; none where its plant is another one."""
-    as_published = case.spec.parameters == TaskSpec().parameters
-    return figures(case.agent, case.spec.noise) if as_published else {}
-
-
-def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
+def summarise(
+    case: Case, seed: int, results: Sequence[Result], *, environment: str | None = None
+) -> Row:
     """Return the statistics of a case over its runs.
 
     Parameters
@@ -110,6 +110,9 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         Seed of the study.
     results
         Results of the case's runs, in order.
+    environment
+        Name of the environment that the runs were made in, if it was not the case's plant: the row
+        is named after it, and has no published figures.
 
     Returns
     -------
@@ -130,6 +133,8 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
     trials = np.array([result.trials for result in results if result.success])
     all_trials = np.array([result.trials for result in results])
     succeeded = len(trials) > 0
+    plant = environment or case.plant.name
+    plant_settings = changed_values(PLANTS.default(case.plant.name), case.plant)
     return Row(
         agent=case.agent,
         settings=case.settings_name,
@@ -147,11 +152,11 @@ def summarise(case: Case, seed: int, results: Sequence[Result]) -> Row:
         all_runs_ci95=bootstrap_interval(all_trials),
         steps_simulated=int(sum(result.lengths.sum() for result in results)),
         seconds=sum(result.seconds for result in results),
-        published=_published(case),
+        published=figures(case.agent, case.spec, plant, plant_settings),
         seed=seed,
         language=case.language,
-        plant=case.plant.name,
-        plant_settings=changed_values(PLANTS.default(case.plant.name), case.plant),
+        plant=plant,
+        plant_settings={} if environment else plant_settings,
     )
 
 

@@ -80,7 +80,7 @@ def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
         "including the successful one. 95 % intervals are in brackets."
     )
     notes += [
-        f"{source.name}: {source.citation} ({source.runs} runs, N = {source.steps:,})."
+        f"{source.name}: {source.citation} ({source.protocol})."
         for source in SOURCES
         if source.name in sources and (source.agent is None or source.agent in agents)
     ]

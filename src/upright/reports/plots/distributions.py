@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from upright.core.conditions import NOISES, STEPS, STRICT_STEPS
-from upright.core.task import TaskSpec
+from upright.core.conditions import NOISES
 from upright.core.trials import Result
 from upright.plants.equations import EQUATIONS
 from upright.reports.names import agent_name, case_names, noise_name, shared_task_name, task_name
@@ -166,8 +165,5 @@ def _draw_published(axes: Axes, cases: Sequence[Case]) -> dict[str, Line2D]:
 
 def _published_mean(source: Source, case: Case) -> float | None:
     """Return the published mean to compare a case with; None if its rule or task is another one."""
-    task = TaskSpec(case.spec.noise, case.spec.start, steps=case.spec.steps)
-    usual = case.spec.steps in (STEPS, STRICT_STEPS) and case.spec.start != "wide"
-    same = usual and case.spec == task and case.plant == EQUATIONS
-    comparable = same and source.agent in (None, case.agent)
-    return source.mean_trials.get(case.spec.noise) if comparable else None
+    comparable = case.plant == EQUATIONS and source.agent in (None, case.agent)
+    return source.figure(case.spec) if comparable else None

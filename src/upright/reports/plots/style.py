@@ -160,7 +160,7 @@ _Variant = tuple[str, str, Any]
 
 def _variant(case: Case) -> _Variant:
     """Return in what the cases of one agent in one task can differ."""
-    return case.label, case.language, case.plant
+    return case.settings_name, case.language, case.plant
 
 
 def _lines(variants: Sequence[_Variant], colour: str) -> dict[_Variant, Look]:
