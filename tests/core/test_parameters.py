@@ -109,23 +109,25 @@ def test_rows_of_different_plants_can_be_told_apart():
 
 
 def test_published_figures_are_of_the_published_plant_alone():
-    cases = [upright.make_case("random-search", steps=50, parameters=p) for p in ({}, LONG)]
-    usual, changed = (upright.summarise(c, 0, upright.study([c], runs=1)[c]) for c in cases)
+    cases = [upright.make_case("reinforce", trials=1000, parameters=p) for p in ({}, LONG)]
+    results = [upright.Result(0, True, np.array([60_000]), 0.1)]
+    usual, changed = (upright.summarise(case, 0, results) for case in cases)
     assert usual.published
     assert not changed.published
 
 
 def test_boards_say_that_the_plant_is_another(tmp_path):
-    from upright.reports.leaderboards import BoardPlan, leaderboard, robust
+    from upright.reports.leaderboards import LEADERBOARD, ROBUST_BOARD, BoardPlan, make_board
 
     plan = BoardPlan(("random-search",), runs=1, steps=50, parameters={"half_length": 1.0})
-    for write in (leaderboard, robust):
-        path = tmp_path / f"{write.__name__}.md"
-        write(path, plan, lambda text: None)
-        board = path.read_text()
-        assert "--parameter half_length=1.0" in board
-        assert "The plant is not the published one**: half_length 1.0." in board
-        assert "*Si & Wang 2001" not in board
+    for board in (LEADERBOARD, ROBUST_BOARD):
+        path = tmp_path / f"{board.name}.md"
+        rows = make_board(board, plan._replace(output=path))
+        text = path.read_text()
+        assert "--parameter half_length=1.0" in text
+        assert "The plant is not the published one**: half_length 1.0." in text
+        assert "half_length 1.0" in board.text(rows, plan)
+        assert "*Si & Wang 2001" not in text
 
 
 @pytest.mark.parametrize("wrong", [3, "half_length=1", [1.0], None])

@@ -4,18 +4,11 @@ import pytest
 from helpers import ROOT, recorded_rows
 
 from upright.core.conditions import PUBLISHED_NOISES
-from upright.reports.leaderboards import (
-    PUBLISHED,
-    ROBUST,
-    USUAL_STEPS,
-    BoardPlan,
-    leaderboard_text,
-    robust_text,
-)
+from upright.reports.leaderboards import LEADERBOARD, ROBUST_BOARD, USUAL_STEPS, BoardPlan
 from upright.reports.published import SOURCES
 
 DOCS = ROOT / "docs"
-BOARDS = {"leaderboard": (PUBLISHED, leaderboard_text), "robust": (ROBUST, robust_text)}
+BOARDS = {"leaderboard": LEADERBOARD, "robust": ROBUST_BOARD}
 MOST = {
     "none": 1.1,
     "actuator-5": 1.3,
@@ -31,7 +24,7 @@ MOST = {
 def recorded(name):
     """Return the rows of a recorded board by column."""
     rows = recorded_rows(DOCS / f"{name}.json")
-    columns = BOARDS[name][0]
+    columns = BOARDS[name].columns
     agents = len(rows) // len(columns)
     return {title: rows[agents * i : agents * (i + 1)] for i, title in enumerate(columns)}
 
@@ -40,8 +33,9 @@ def recorded(name):
 def test_the_recorded_board_is_what_the_program_writes(name):
     rows = recorded(name)
     assert all(row.runs == 100 and row.seed == 0 for some in rows.values() for row in some)
-    study = BoardPlan(steps=USUAL_STEPS[name])
-    assert (DOCS / f"{name}.md").read_text() == BOARDS[name][1](rows, study)
+    files = {"output": f"docs/{name}.md", "store": f"docs/results/{name}.sqlite"}
+    study = BoardPlan(steps=USUAL_STEPS[name], **files)
+    assert (DOCS / f"{name}.md").read_text() == BOARDS[name].markdown(rows, study)
 
 
 @pytest.mark.parametrize("noise", PUBLISHED_NOISES)

@@ -1,27 +1,25 @@
-"""What the commands `leaderboard` and `robust` share: their options, and how a board is made."""
+"""What the commands `leaderboard` and `robust` share: their options, and showing a board."""
 
 import argparse
-from collections.abc import Callable
+import sys
 from typing import TYPE_CHECKING
 
 from upright.commands.options import add, split, task_of
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_what_is_kept
+from upright.commands.showing import put, telling_what_is_kept
 from upright.core.conditions import STRICT_RUNS
 
 if TYPE_CHECKING:
-    from upright.reports.leaderboards import BoardPlan
+    from upright.reports.leaderboards import Board
 
 
-def add_board_options(parser: Parser, name: str, steps: int) -> None:
+def add_board_options(parser: Parser, steps: int) -> None:
     """Add the options of a board, with its own defaults.
 
     Parameters
     ----------
     parser
         Of the command.
-    name
-        Of the board's files.
     steps
         N of the board.
     """
@@ -32,39 +30,40 @@ def add_board_options(parser: Parser, name: str, steps: int) -> None:
     add(
         parser,
         "--output",
-        default=f"docs/{name}.md",
-        help="file for the board, in Markdown; its figures are written beside it as JSON "
-        "(default: %(default)s)",
+        help="write the board to this file as well, in Markdown with intervals, and its figures "
+        "beside it as JSON",
     )
-    add(
-        parser,
-        "--store",
-        default=f"results/{name}.sqlite",
-        help="keep every finished run in this file, and reuse the runs it already holds "
-        "(default: %(default)s)",
-    )
+    add(parser, "--store")
 
 
-def write_board(options: argparse.Namespace, write: "Callable[[str, BoardPlan], None]") -> int:
-    """Make a board, say where it is, and return 0.
+def show_board(options: argparse.Namespace, board: "Board") -> int:
+    """Make a board, show it, write it where the options say, and return 0.
 
     Parameters
     ----------
     options
         Those of `add_board_options`.
-    write
-        Makes the missing runs and writes the board to a file.
+    board
+        Which board.
 
     Raises
     ------
     UprightError
         If something asked for is not possible.
     """
-    from upright.reports.leaderboards import BoardPlan
+    from upright.reports.leaderboards import BoardPlan, make_board
 
-    agents, store = split(options.agents), options.store
-    plan = BoardPlan(agents, options.runs, options.seed, store=store, **task_of(options))
-    with telling_what_is_kept(store):
-        write(options.output, plan)
-    print(f"board: {options.output}")
+    plan = BoardPlan(
+        split(options.agents),
+        options.runs,
+        options.seed,
+        store=options.store,
+        output=options.output,
+        **task_of(options),
+    )
+    with telling_what_is_kept(options.store):
+        rows = make_board(board, plan)
+    put(board.text(rows, plan), None)
+    if options.output:
+        print(f"board: {options.output}", file=sys.stderr)
     return 0

@@ -5,6 +5,7 @@ trials over all runs, where a failed run counts with all its trials; agents whos
 are tied.
 """
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from upright.agents import AGENTS
 from upright.core.conditions import PUBLISHED_NOISES, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.errors import UprightError
-from upright.reports.published import SOURCES
+from upright.reports.published import SOURCES, Source
 from upright.reports.statistics import Row, summarise_all
 from upright.reports.tables import Table, number, to_json, to_markdown
 from upright.studies.case import Case, make_case
@@ -21,6 +22,7 @@ from upright.studies.progress import study_with_progress
 from upright.studies.store import Store
 from upright.studies.study import check_study
 from upright.support.files import check_output, write_file
+from upright.support.settings import as_options
 
 STARTS_SHOWN = {
     "random": "Start within ±0.05",
@@ -61,10 +63,36 @@ class BoardPlan(NamedTuple):
     """Parameters of the plant that differ from the published ones."""
     store: Path | str | None = None
     """Path of the store of finished runs; without one, they are lost on an interrupt."""
+    output: Path | str | None = None
+    """Path that the board is written to, in Markdown, with its figures beside it as JSON."""
 
 
-def make_rows(plan: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Row]]:
-    """Make the runs that are missing, and return the rows of all agents for each column."""
+Columns = dict[str, list[Row]]
+"""The rows of all agents for each column of a board, by its title."""
+
+
+class Board(NamedTuple):
+    """One of the boards."""
+
+    name: str
+    """Name of its command."""
+    columns: dict[str, dict[str, Any]]
+    """Its columns: the parts of the task that differ from the published one, by title."""
+    markdown: Callable[[Columns, BoardPlan], str]
+    """Returns the board as a page in Markdown."""
+    text: Callable[[Columns, BoardPlan], str]
+    """Returns the board as text for the terminal."""
+
+
+def make_rows(plan: BoardPlan, columns: dict[str, dict[str, Any]]) -> Columns:
+    """Make the runs that are missing, and return the rows of all agents for each column.
+
+    Raises
+    ------
+    UprightError
+        If an agent is unknown, or a number is not allowed.
+    """
+    check_study(plan.runs, plan.seed)
     cases = _cases(plan, columns)
     with Store(plan.store) as store:
         all_cases = [case for column in cases.values() for case in column]
@@ -73,6 +101,29 @@ def make_rows(plan: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, 
             title: summarise_all(column, plan.runs, plan.seed, store)
             for title, column in cases.items()
         }
+
+
+def make_board(board: Board, plan: BoardPlan) -> Columns:
+    """Measure all agents on the tasks of a board, and write it where the plan says.
+
+    Whatever cannot be measured or written is refused before any run is made.
+
+    Raises
+    ------
+    UprightError
+        If an agent is unknown, a number is not allowed, or a file cannot be written.
+    """
+    if plan.output is not None:
+        figures = check_output(plan.output).with_suffix(".json")
+        if figures == Path(plan.output):
+            why = "it must not end in .json, as the figures are written there"
+            raise UprightError(f"output is {str(plan.output)!r}; {why}")
+        check_output(figures)
+    rows = make_rows(plan, board.columns)
+    if plan.output is not None:
+        write_file(figures, to_json([row for column in rows.values() for row in column]))
+        write_file(plan.output, board.markdown(rows, plan))
+    return rows
 
 
 def _cases(plan: BoardPlan, columns: dict[str, dict[str, Any]]) -> dict[str, list[Case]]:
@@ -92,17 +143,30 @@ def ranks(rows: Sequence[Row]) -> list[int]:
     ]
 
 
-def board(columns: dict[str, list[Row]], published: bool = False) -> str:
+def _in_order(columns: Columns) -> list[tuple[str, float, list[tuple[Row, int]]]]:
+    """Return each agent with its mean rank, and its row and rank in each column; the best first."""
+    ranked = [list(zip(rows, ranks(rows), strict=True)) for rows in columns.values()]
+    agents = []
+    for cells in zip(*ranked, strict=True):
+        mean_rank = sum(rank for _, rank in cells) / len(cells)
+        agents.append((cells[0][0].agent, mean_rank, list(cells)))
+    return sorted(agents, key=lambda agent: agent[1])
+
+
+def _published(columns: Columns) -> list[tuple[Source, list[float | None]]]:
+    """Return the sources that have figures of these tasks, and the figure of each column."""
+    tasks = [rows[0].task for rows in columns.values()]
+    found = [(source, [source.figure(task) for task in tasks]) for source in SOURCES]
+    return [(source, figures) for source, figures in found if any(figures)]
+
+
+def board(columns: Columns, published: bool = False) -> str:
     """Return a board in Markdown, with the best agents first."""
-    agents = [row.agent for row in next(iter(columns.values()))]
-    rank = {title: ranks(rows) for title, rows in columns.items()}
-    mean_rank = [sum(column[i] for column in rank.values()) / len(rank) for i in range(len(agents))]
-    body = []
-    for i in sorted(range(len(agents)), key=lambda i: mean_rank[i]):
-        cells = [_cell(rows[i], rank[title][i]) for title, rows in columns.items()]
-        body.append([f"`{agents[i]}`", number(mean_rank[i]), *cells])
-    for source in SOURCES if published else ():
-        figures = (source.mean_trials.get(rows[0].task.noise) for rows in columns.values())
+    body = [
+        [f"`{agent}`", number(mean_rank), *(_cell(row, rank) for row, rank in cells)]
+        for agent, mean_rank, cells in _in_order(columns)
+    ]
+    for source, figures in _published(columns) if published else ():
         rule = f" ({source.agent})" if source.agent else ""
         name = f"*{source.name}{rule}, {source.runs} runs, N = {source.steps:,}*"
         body.append([name, "", *(number(figure, 2) for figure in figures)])
@@ -119,6 +183,53 @@ def _cell(row: Row, rank: int) -> str:
     return mean if row.successes == row.runs else f"{mean} {100 * row.success_rate:.0f} %"
 
 
+def board_text(columns: Columns, published: bool = False) -> str:
+    """Return a board as text for the terminal: means without intervals, the best with a star."""
+    lines = [["", *half] for half in zip(*map(_halves, ["mean rank", *columns]), strict=True)]
+    for agent, mean_rank, cells in _in_order(columns):
+        lines.append([agent, number(mean_rank), *(_short_cell(row, rank) for row, rank in cells)])
+    sources = _published(columns) if published else []
+    names = _told_apart([source.name for source, _ in sources])
+    for name, (_, figures) in zip(names, sources, strict=True):
+        lines.append([name, "", *("–" if each is None else f"{each:g}" for each in figures)])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    drawn = [
+        " ".join(
+            cell.rjust(width) if place else cell.ljust(width)
+            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+    drawn.insert(2, "─" * max(map(len, drawn)))
+    notes = [
+        f"{name}: {source.what}, {source.runs} runs, N = {source.steps:,}."
+        for name, (source, _) in zip(names, sources, strict=True)
+    ]
+    return "\n".join([*drawn, *([""] if notes else []), *notes]) + "\n"
+
+
+def _told_apart(names: list[str]) -> list[str]:
+    """Return names in which those that are alike are numbered."""
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[: place + 1].count(name)})"
+        for place, name in enumerate(names)
+    ]
+
+
+def _halves(title: str) -> tuple[str, str]:
+    """Return the title of a column in two lines, the first of them empty if it is one word."""
+    first, _, second = title.partition("-" if "-" in title else " ")
+    return (first, second) if second else ("", first)
+
+
+def _short_cell(row: Row, rank: int) -> str:
+    if row.mean_trials is None:
+        return "never"
+    rate = "" if row.successes == row.runs else f" {100 * row.success_rate:.0f}%"
+    digits = 2 if row.mean_trials < 2 else 1 if row.mean_trials < 100 else 0
+    return f"{'*' if rank == 1 else ''}{row.mean_trials:.{digits}f}{rate}"
+
+
 READING = f"""Each cell has the agent's rank in that column, its mean number of trials to success
 with a 95 % interval and, if some runs failed, the success rate. The mean is over the successful
 runs; every trial counts, including the successful one. Ranks are by the mean over all runs, where a
@@ -129,44 +240,21 @@ only as good as its improvement over this baseline.
 """The paragraph that explains a board."""
 
 
-def leaderboard(path: Path | str, plan: BoardPlan, say: Callable[[str], None] = print) -> None:
-    """Measure all agents on the published cases, and write the leaderboard.
-
-    Parameters
-    ----------
-    path
-        Path of the board, in Markdown; its figures are written beside it, as JSON.
-    plan
-        Agents, runs, seed and length of a success.
-    say
-        Called with lines about the progress.
-
-    Raises
-    ------
-    UprightError
-        If an agent is unknown or a file cannot be written.
-    """
-    write_file(path, leaderboard_text(_measure(path, plan, PUBLISHED, say), plan))
-
-
-def robust(path: Path | str, plan: BoardPlan, say: Callable[[str], None] = print) -> None:
-    """Measure all agents on tasks beyond the published ones, and write the board.
-
-    Parameters and errors are those of `leaderboard`.
-    """
-    write_file(path, robust_text(_measure(path, plan, ROBUST, say), plan))
-
-
-def leaderboard_text(rows: dict[str, list[Row]], plan: BoardPlan) -> str:
+def leaderboard_page(rows: Columns, plan: BoardPlan) -> str:
     """Return the leaderboard in Markdown."""
-    parts = []
+    parts: list[str] = []
+    shown: list[Source] = []
     for start, title in STARTS_SHOWN.items():
-        named = {noise: rows[f"{start} {noise}"] for noise in PUBLISHED_NOISES}
-        parts.append(f"## {title}\n\n{board(named, published=not plan.parameters)}")
-    cited = "\n".join(f"- {source.name}: {source.citation}." for source in SOURCES)
-    italics = "Rows in italics are published figures, as given in their sources"
-    if plan.parameters:
-        italics = "Published figures are left out, because they are for another plant"
+        named = _with_start(rows, start)
+        parts.append(f"## {title}\n\n{board(named, published=True)}")
+        shown += [source for source, _ in _published(named)]
+    cited = "\n".join(f"- {source.name}: {source.citation}." for source in shown)
+    italics = (
+        "Rows in italics are published figures, as given in their sources. They stand below the"
+    )
+    italics += f"\nstart that their source used:\n\n{cited}"
+    if not shown:
+        italics = "Published figures are left out, because they are for another task."
     return f"""# Leaderboard
 
 The number of trials each agent needs until the pole stays up for N = {plan.steps:,} steps, on the
@@ -175,14 +263,17 @@ seven published noise cases. {_origin(plan, "leaderboard", _version(rows))}
 {READING}
 {parts[0]}
 {parts[1]}
-{italics}:
-
-{cited}
+{italics}
 
 {_settings(plan)}"""
 
 
-def robust_text(rows: dict[str, list[Row]], plan: BoardPlan) -> str:
+def _with_start(rows: Columns, start: str) -> Columns:
+    """Return the columns of the leaderboard that have one start, by noise."""
+    return {noise: rows[f"{start} {noise}"] for noise in PUBLISHED_NOISES}
+
+
+def robust_page(rows: Columns, plan: BoardPlan) -> str:
     """Return the board of the robust suite in Markdown."""
     return f"""# Robustness
 
@@ -207,38 +298,44 @@ These are the tasks in which fewer than 95 % of the runs succeed:
 {_settings(plan)}"""
 
 
-def _measure(
-    path: Path | str,
-    plan: BoardPlan,
-    columns: dict[str, dict[str, Any]],
-    say: Callable[[str], None],
-) -> dict[str, list[Row]]:
-    """Create the folders, measure, and write the figures beside the board.
-
-    Whatever cannot be measured or written is refused before any run is made.
-    """
-    path = Path(path)
-    check_study(plan.runs, plan.seed)
-    _cases(plan, columns)
-    for folder in {path.parent, Path(plan.store or path).parent}:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            why = f"the folder cannot be created: {error.strerror}"
-            raise UprightError(f"output is {str(folder)!r}; {why}") from None
-    figures = check_output(path).with_suffix(".json")
-    if figures == path:
-        raise UprightError(
-            f"output is {str(path)!r}; it must not end in .json, as the figures are written there"
-        )
-    check_output(figures)
-    say(f"{len(plan.agents)} agents × {len(columns)} tasks × {plan.runs} runs, seed {plan.seed}")
-    rows = make_rows(plan, columns)
-    write_file(figures, to_json([row for column in rows.values() for row in column]))
-    return rows
+def leaderboard_text(rows: Columns, plan: BoardPlan) -> str:
+    """Return the leaderboard as text for the terminal."""
+    parts = [_heading(plan)]
+    for start, title in STARTS_SHOWN.items():
+        named = _with_start(rows, start)
+        parts.append(f"{title}:\n\n{board_text(named, published=True)}")
+    return "\n".join([*parts, _legend()]) + "\n"
 
 
-def _version(rows: dict[str, list[Row]]) -> str:
+def robust_text(rows: Columns, plan: BoardPlan) -> str:
+    """Return the board of the robust suite as text for the terminal."""
+    return "\n".join([_heading(plan), board_text(rows), _legend()]) + "\n"
+
+
+def _heading(plan: BoardPlan) -> str:
+    changed = "".join(f", {name} {value}" for name, value in plan.parameters.items())
+    return (
+        f"Mean number of trials until the pole stays up for N = {plan.steps:,} steps;\n"
+        f"{plan.runs} runs per case, seed {plan.seed}{changed}.\n"
+    )
+
+
+def _legend() -> str:
+    return (
+        "A star marks the best rank. Ranks are by the mean over all runs, where a failed\n"
+        f"run counts with {TRIALS:,} trials; agents whose 95 % intervals overlap are tied.\n"
+        "Where runs failed, the mean is over the others, with the success rate beside it.\n"
+        "random-search learns nothing: compare with it."
+    )
+
+
+LEADERBOARD = Board("leaderboard", PUBLISHED, leaderboard_page, leaderboard_text)
+"""All agents on the published cases, from both starts."""
+ROBUST_BOARD = Board("robust", ROBUST, robust_page, robust_text)
+"""All agents on tasks beyond the published ones."""
+
+
+def _version(rows: Columns) -> str:
     """Return the version of the package that measured a board."""
     return next(iter(rows.values()))[0].version
 
@@ -250,8 +347,11 @@ def _origin(plan: BoardPlan, command: str, version: str) -> str:
     usual_options = {"agents": ",".join(usual.agents), "runs": usual.runs, "steps": usual.steps}
     changed = [name for name, value in options.items() if value != usual_options[name]]
     arguments = [f"--{name} {options[name]}" for name in changed]
-    arguments += [f"--parameter {name}={value}" for name, value in plan.parameters.items()]
-    line = " ".join(["upright", command, *arguments, f"--seed {plan.seed}"])
+    arguments += as_options("--parameter", plan.parameters)
+    arguments.append(f"--seed {plan.seed}")
+    files = {"output": plan.output, "store": plan.store}
+    arguments += [f"--{name} {shlex.quote(str(path))}" for name, path in files.items() if path]
+    line = " ".join(["upright", command, *arguments])
     origin = f"{plan.runs} runs per case; generated with\n`{line}`, upright {version}."
     if not plan.parameters:
         return origin
@@ -262,7 +362,7 @@ def _origin(plan: BoardPlan, command: str, version: str) -> str:
 are those of the published plant; what varies is scaled from these values."""
 
 
-def _failures(rows: dict[str, list[Row]]) -> str:
+def _failures(rows: Columns) -> str:
     failures: dict[str, list[str]] = {row.agent: [] for row in next(iter(rows.values()))}
     for title, column in rows.items():
         for row in column:
