@@ -333,8 +333,16 @@ def test_a_stopped_study_keeps_its_runs_and_can_be_resumed(how, tmp_path):
     assert without_times(json.loads(shown)) == without_times(json.loads(expected))
 
 
-def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(tmp_path):
-    words = [word for word in LONG if word not in ("--store", "runs.sqlite")]
+@pytest.mark.parametrize(
+    "words",
+    [
+        [word for word in LONG if word not in ("--store", "runs.sqlite")],
+        ["leaderboard", "--agents", "random-search"],
+        ["robust", "--agents", "random-search"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(words, tmp_path):
     process = start(tmp_path, *words, "--steps", "10000000", FORCE_COLOR="1")
     first = process.stderr.read(1)  # of the progress bar: the study has begun
     process.send_signal(signal.SIGINT)

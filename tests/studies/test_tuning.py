@@ -229,6 +229,7 @@ def test_the_best_is_measured_again_beside_the_start():
     [
         (3.12, (1.2, 5.04), "The tuned settings are better by 3.1 trials [1.2, 5.0]."),
         (-3.12, (-5.04, -1.2), "The tuned settings are worse by 3.1 trials [1.2, 5.0]."),
+        (0.02, (0.01, 0.04), "The tuned settings are better by 0.02 trials [0.01, 0.04]."),
         (1.0, (-0.5, 2.5), "can be shown: +1.0 trials [-0.5, +2.5]."),
         (-1.0, (-2.5, 0.5), "can be shown: -1.0 trials [-2.5, +0.5]."),
         (1.0, (0.0, 2.5), "No difference between the tuned and the original settings can be shown"),

@@ -374,18 +374,19 @@ class Comparison(NamedTuple):
     def verdict(self) -> str:
         """Return one sentence: whether a difference can be shown."""
         low, high = self.gain_ci95
+        digits = 2 if max(abs(low), abs(high)) < 2 else 1
         if low == high == 0:
             return "The tuned settings need as many trials as the original ones in every run."
         if low <= 0 <= high:
+            ends = f"{low:+.{digits}f}, {high:+.{digits}f}"
             return (
                 "No difference between the tuned and the original settings can be shown: "
-                f"{self.gain:+.1f} trials [{low:+.1f}, {high:+.1f}]."
+                f"{self.gain:+.{digits}f} trials [{ends}]."
             )
         low, high = sorted((abs(low), abs(high)))
+        ends = f"{low:.{digits}f}, {high:.{digits}f}"
         word = "better" if self.gain > 0 else "worse"
-        return (
-            f"The tuned settings are {word} by {abs(self.gain):.1f} trials [{low:.1f}, {high:.1f}]."
-        )
+        return f"The tuned settings are {word} by {abs(self.gain):.{digits}f} trials [{ends}]."
 
 
 def validate(
