@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from upright.core.task import TaskSpec
 from upright.errors import UprightError
 from upright.plants import describe_plant
 from upright.plants.equations import EQUATIONS
+from upright.policies.acting import Actor
 
 OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
 ACTION = "push to the right (+F) with the probability that the policy returns, else left"
@@ -23,6 +25,12 @@ ACTION = "push to the right (+F) with the probability that the policy returns, e
 @dataclass(frozen=True)
 class Policy:
     """A learned policy. It balances like an agent, without learning.
+
+    An agent with the method `push_probability` is asked for it, and pushes are drawn. Of another
+    one only `act` is called, on its state as it was at the end of the run: each trial begins with a
+    copy of it, and the probability of a push is estimated by asking that copy, 25 times if it draws
+    random numbers. If the agent also has `remember(observation, action)`, its `begin_trial` is
+    called before a trial, and `remember` after each step, so that it can keep a history.
 
     Examples
     --------
@@ -50,25 +58,38 @@ class Policy:
 
     def __post_init__(self) -> None:
         """Reset to the start of a trial."""
-        self.begin_trial(np.random.default_rng(0))
+        if not self._actor:
+            self.begin_trial(np.random.default_rng(0))
 
     def push_probability(self, observation: State) -> float:
         """Return the probability of a push to the right."""
-        return float(self.memory.push_probability(State(*map(float, observation))))
+        source = self._actor or self.memory
+        return float(source.push_probability(State(*map(float, observation))))
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Forget the history of the previous trial, if the policy has one."""
-        if self._has_history:
+        """Forget the previous trial."""
+        if self._actor:
+            self._actor.begin_trial(rng)
+        elif self._has_history:
             self.memory.begin_trial(rng)
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
-        """Sample a push."""
+        """Choose a push."""
+        if self._actor:
+            return self._actor.act(observation, rng)
         return bool(rng.random() < self.push_probability(observation))
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
         """Learn nothing; enter the step into the history, if the policy has one."""
-        if self._has_history:
+        if self._actor:
+            self._actor.remember(before, action)
+        elif self._has_history:
             self.memory.remember(before, action)
+
+    @cached_property
+    def _actor(self) -> Actor | None:
+        """What plays an agent that does not give the probability of its pushes."""
+        return None if hasattr(self.memory, "push_probability") else Actor(self.agent, self.memory)
 
     @property
     def _has_history(self) -> bool:
