@@ -27,6 +27,7 @@ from upright.plants.equations import Equations, equations
 from upright.policies.files import load_policy
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
+from upright.studies.playing import play
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import choose_loop, make_run
 from upright.studies.store import Store
@@ -487,16 +488,22 @@ def test_a_policy_of_a_custom_agent_is_saved_and_played(compiled_case, tmp_path,
     capsys.readouterr()
 
 
-def test_a_policy_that_cannot_be_saved_is_refused_before_the_run(write, tmp_path, capsys):
-    plain = f"{write(PLAIN)}:Climber"
-    mute = f"{write(COMPILED.replace('push_probability', 'push'))}:climber"
-    with_method = PLAIN + "\n        def push_probability(self, observation): return 0.5\n"
-    no_tuple = f"{write(with_method)}:Climber"
-    for agent in (plain, mute, no_tuple):
-        error = refused(f"learn {agent} --steps 10 --save policy.npz", capsys)
-        assert "its policy cannot be saved" in error
-        assert "push_probability(observation)" in error
-    assert not (tmp_path / "policy.npz").exists()
+def test_agents_that_only_act_are_saved_and_played_alike(write, tmp_path):
+    head, method = COMPILED.split(
+        "        @compiled\n        def push_probability(self, observation):\n"
+    )
+    rule, tail = method.split("            return 1.0 if total > 0.0 else 0.0\n")
+    act = "            return self.push_probability(observation) > 0.5\n"
+    mute = head.replace(act, f"{rule}            return total > 0.0\n") + tail
+    played = []
+    for agent in (f"{write(PLAIN)}:Climber", f"{write(mute)}:climber"):
+        path = tmp_path / "policy.npz"
+        line = f"learn {agent} --steps 300 --trials 40 --save {path} --quiet"
+        assert run(line.split()) in (0, FAILED)
+        policy = load_policy(path, agent)
+        played.append(play(policy, 5, steps=2000, start="wide"))
+    assert played[0] == played[1]
+    assert len({trial.steps for trial in played[0]}) > 1
 
 
 @pytest.mark.slow

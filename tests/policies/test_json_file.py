@@ -21,11 +21,11 @@ from upright.core.parameters import State
 from upright.core.task import TaskSpec
 from upright.errors import UprightError
 from upright.policies.c99 import encode as c_header
-from upright.policies.checks import LONGEST_ERROR
+from upright.policies.checks import JSON_LIMIT, JSON_MARKS, LONGEST_ERROR
 from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.form_json import MOST_LAYERS, MOST_WEIGHTS, UNITS, form_entries, restore_form
 from upright.policies.form_player import make_memory
-from upright.policies.json_file import JSON_FORMAT, JSON_LIMIT, JSON_MARKS
+from upright.policies.json_file import JSON_FORMAT
 from upright.policies.policy import Policy, describe
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy

@@ -1,5 +1,6 @@
 """Checks of the contents of policy files, which may come from anyone."""
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,10 @@ from upright.policies.policy import Policy
 
 TOLD = ("noise", "start", "steps", "condition", "seed", "run")
 """What the task of a policy must state."""
+JSON_LIMIT, JSON_MARKS = 2**25, 2 * 10**6
+"""Maximum size of JSON [bytes], enough for the largest form; and maximum number of brackets, braces
+and quotes, because lists, objects and texts take more memory than numbers.
+"""
 LONGEST_ERROR = 500
 """Maximum length of an error about a file; part of it is attacker-controlled."""
 
@@ -30,10 +35,34 @@ def explained(path: Path | str) -> Iterator[None]:
         raise UprightError(f"policy is {str(path)!r}; it cannot be read: {said}") from error
 
 
-def check_header(header: Any, form: str, needed: Mapping[str, type]) -> dict[str, Any]:
-    """Return a header after checking that it is of this format."""
-    if not isinstance(header, dict) or header.get("format") != form:
-        raise ValueError(f"it does not state that its format is {form!r}")
+def parse_json(data: bytes) -> Any:
+    """Return what JSON in UTF-8 holds, after checking that it is not too large.
+
+    Raises
+    ------
+    ValueError
+        If it is too large, or not JSON; NaN and Infinity are not.
+    """
+    check_json_size(data)
+    return json.loads(data.decode("utf-8-sig"), parse_constant=_refuse_constant)
+
+
+def check_json_size(data: bytes) -> None:
+    """Raise ValueError if JSON is too large to be read."""
+    if len(data) > JSON_LIMIT:
+        raise ValueError(f"it is larger than {JSON_LIMIT:,} bytes")
+    if sum(map(data.count, (b"[", b"{", b'"'))) > JSON_MARKS:
+        raise ValueError(f"it has more than {JSON_MARKS:,} lists, objects and texts")
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"it holds {name}, which is not a number")
+
+
+def check_header(header: Any, needed: Mapping[str, type], *forms: str) -> dict[str, Any]:
+    """Return a header after checking that it is of one of these formats."""
+    if not isinstance(header, dict) or header.get("format") not in forms:
+        raise ValueError(f"it does not state that its format is {' or '.join(map(repr, forms))}")
     for name, kind in needed.items():
         if not isinstance(header.get(name), kind):
             raise ValueError(f"it does not state its {name}")

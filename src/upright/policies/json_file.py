@@ -7,7 +7,15 @@ from typing import Any
 
 from upright.agents import AGENTS
 from upright.errors import require_one_of
-from upright.policies.checks import check_agent, check_contract, check_header, explained, read_task
+from upright.policies.checks import (
+    JSON_LIMIT,
+    check_agent,
+    check_contract,
+    check_header,
+    explained,
+    parse_json,
+    read_task,
+)
 from upright.policies.form_json import NUMBERS, form_entries, restore_form
 from upright.policies.form_player import make_memory
 from upright.policies.policy import Policy, form_of
@@ -15,10 +23,6 @@ from upright.policies.policy import Policy, form_of
 JSON_FORMAT = "upright policy form 1"
 JSON_HEADER = {"agent": str, "task": dict, "form": str}
 """What reading needs of a file besides its format, and the types."""
-JSON_LIMIT, JSON_MARKS = 2**25, 2 * 10**6
-"""Maximum size [bytes], enough for the largest form; and maximum number of brackets, braces and
-quotes, because lists, objects and texts take more memory than numbers.
-"""
 
 
 def encode(policy: Policy) -> str:
@@ -64,13 +68,4 @@ def _read_entries(path: Path | str) -> dict[str, Any]:
     """Return the entries of a JSON file, its form not yet checked."""
     with Path(path).open("rb") as file:
         data = file.read(JSON_LIMIT + 1)
-    if len(data) > JSON_LIMIT:
-        raise ValueError(f"it is larger than {JSON_LIMIT:,} bytes")
-    if sum(map(data.count, (b"[", b"{", b'"'))) > JSON_MARKS:
-        raise ValueError(f"it has more than {JSON_MARKS:,} lists, objects and texts")
-    entries = json.loads(data.decode("utf-8-sig"), parse_constant=_refuse_constant)
-    return check_header(entries, JSON_FORMAT, JSON_HEADER)
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"it holds {name}, which is not a number")
+    return check_header(parse_json(data), JSON_HEADER, JSON_FORMAT)

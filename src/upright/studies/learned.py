@@ -1,16 +1,18 @@
 """Policies that agents learned in runs, and saving them."""
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from upright.agents import is_custom
 from upright.core.trials import Result
-from upright.errors import UprightError, require
+from upright.errors import require
 from upright.plants import describe_plant
 from upright.policies.files import save_policy
-from upright.policies.npz_file import arrays_of
-from upright.policies.policy import Policy
+from upright.policies.npz_file import check_saving
+from upright.policies.policy import Policy, form_of
 from upright.studies.case import Case, make_case
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
@@ -19,20 +21,20 @@ from upright.support.files import check_output
 
 
 def check_policy(case: Case) -> None:
-    """Check that what the case's agent learns can be saved as a policy.
+    """Check that what the case's agent learns can be saved, as far as a new agent tells.
 
     Raises
     ------
     UprightError
-        If the agent is not a NamedTuple of numeric arrays with the method `push_probability`.
+        If the agent cannot be played, or keeps something that is not data.
     """
-    agent = case.settings.agent(np.random.default_rng(0))
-    plain = hasattr(agent, "_asdict") and not any(a.dtype.hasobject for _, a in arrays_of(agent))
-    if not (plain and callable(getattr(agent, "push_probability", None))):
-        raise UprightError(
-            f"agent is {case.agent!r}; its policy cannot be saved: it must be a NamedTuple of "
-            "numeric arrays with the method push_probability(observation)"
-        )
+    if is_custom(case.agent):
+        check_saving(_blank_policy(case))
+
+
+def _blank_policy(case: Case) -> Policy:
+    """Return the policy of a new agent."""
+    return learned_policy(case, 0, 0, case.settings.agent(np.random.default_rng(0)))
 
 
 def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
@@ -112,7 +114,10 @@ def check_learned(path: str, case: Case) -> None:
         If it cannot.
     """
     check_output(path)
-    check_policy(case)
+    if Path(path).suffix == ".json":
+        form_of(_blank_policy(case))
+    else:
+        check_policy(case)
 
 
 def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> None:
@@ -121,6 +126,6 @@ def save_learned(path: str, case: Case, seed: int, run: int, memory: Any) -> Non
     Raises
     ------
     UprightError
-        If the file cannot be written.
+        If the file cannot be written, or the agent keeps something that is not data.
     """
     save_policy(path, learned_policy(case, seed, run, memory))
