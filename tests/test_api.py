@@ -193,7 +193,7 @@ def test_learn_takes_the_settings_by_name():
         ({"run": 0.5}, "run is 0.5"),
         ({"noise": "loud"}, "noise is 'loud'"),
         ({"plant": "sand"}, "plant is 'sand'"),
-        ({"agent": "helpers:LinearAgent"}, "agent is 'helpers:LinearAgent'"),
+        ({"agent": "helpers:Nobody"}, "agent is 'helpers:Nobody'"),
     ],
 )
 def test_learn_refuses_in_one_line(arguments, told):

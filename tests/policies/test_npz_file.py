@@ -1,20 +1,19 @@
 """The files of plain Python agents; test_policy.py has those of memories of arrays."""
 
-import itertools
 import json
-import sys
+import re
 import tracemalloc
 import warnings
 import zipfile
 from pathlib import Path
-from textwrap import dedent
 
 import numpy as np
 import pytest
+from helpers import forget
 
 from upright.commands import run
 from upright.core.parameters import State
-from upright.errors import UprightError
+from upright.errors import AgentError, UprightError
 from upright.policies.checks import JSON_MARKS
 from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.npz_file import FORMAT, PLAIN_FORMAT
@@ -22,10 +21,8 @@ from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import check_policy, learn, learned_policy
 from upright.studies.playing import case_for, play, play_trials
-from upright.studies.run import make_run
-from upright.support.exit_status import BAD_USE, FAILED
+from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED
 
-NUMBERS = itertools.count()
 PLAIN = """
     import threading
     from collections import defaultdict, deque
@@ -97,25 +94,6 @@ PUSH = """
 
 
 @pytest.fixture
-def write(tmp_path, monkeypatch):
-    """Return a function that writes a module, in the current folder, and returns its name."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    names = []
-
-    def write(text, name=None):
-        name = name or f"plain_{next(NUMBERS)}"
-        Path(f"{name}.py").write_text(dedent(text))
-        names.append(name)
-        sys.modules.pop(name, None)
-        return name
-
-    yield write
-    for name in names:
-        sys.modules.pop(name, None)
-
-
-@pytest.fixture
 def saved(write):
     """Return the name of a plain agent, what it learned, and the path of its file."""
     agent = f"{write(PLAIN)}:Climber"
@@ -176,7 +154,7 @@ def test_the_commands_work_for_a_plain_agent(write, capsys):
 
 def test_show_describes_a_plain_agent_without_its_code(saved, capsys):
     agent, policy, path = saved
-    sys.modules.pop(agent.partition(":")[0])
+    forget(agent.partition(":")[0])
     Path("imported").unlink()
     assert run(["show", str(path)]) == 0
     shown = capsys.readouterr().out
@@ -245,6 +223,33 @@ def test_a_named_tuple_of_python_values_keeps_them_all(write):
     assert again.memory.counts == [sum(result.lengths)]
 
 
+@pytest.mark.parametrize(
+    ("rule", "said"),
+    [
+        ("return 1 / 0", r"act failed in play at State\(x=.*ZeroDivisionError"),
+        ("return -7.3", r"act returned -7\.3 in play at State\(.*; it must be True"),
+        ("pass", "act returned None in play at .*forget to return"),
+    ],
+)
+def test_what_goes_wrong_in_play_is_reported_as_the_agents(rule, said, saved, write, capsys):
+    agent = saved[0]
+    text = PLAIN.replace("return self.line.total(observation) + 0.1 * self.rng.normal() > 0", rule)
+    forget(write(text, agent.partition(":")[0]))
+    for line in ("play plain.npz --episodes 2", "plot policy plain.npz", "plot phases plain.npz"):
+        assert run([*line.split(), "--agent", agent]) == AGENT_FAILED
+        assert re.search(f"agent is '{agent}'; {said}", capsys.readouterr().err, re.DOTALL)
+
+
+def test_a_probability_must_be_one(saved, write):
+    agent, _, path = saved
+    wrong = "        def push_probability(self, observation): return 1.5\n"
+    forget(write(PLAIN + wrong, agent.partition(":")[0]))
+    with pytest.raises(
+        AgentError, match=r"push_probability returned 1\.5 in play at State.* 0 to 1"
+    ):
+        play(load_policy(path, agent), 1)
+
+
 # ------------------------------------------------------------------------------ refusals
 
 
@@ -288,10 +293,11 @@ def test_a_state_that_is_too_large_is_refused(saved):
 
 def test_an_agent_whose_code_has_changed_is_refused_by_the_attribute(saved, write):
     agent, _, path = saved
-    name = agent.partition(":")[0]
-    write(
-        PLAIN.replace("self.rng,", "self.gamma, self.rng,").replace("= rng,", "= 0.9, rng,"), name
-    )
+
+    def change(text):
+        forget(write(text, agent.partition(":")[0]))
+
+    change(PLAIN.replace("self.rng,", "self.gamma, self.rng,").replace("= rng,", "= 0.9, rng,"))
     with pytest.raises(UprightError, match=r"lacks the attribute 'gamma', .* code changed since\?"):
         load_policy(path, agent)
     compiled = "\n    Climber = lambda rng: Tuple(np.zeros(4))\n    class Tuple(NamedTuple):\n"
@@ -299,18 +305,16 @@ def test_an_agent_whose_code_has_changed_is_refused_by_the_attribute(saved, writ
         f"        def {each}: ...\n"
         for each in ("begin_trial(s, r)", "act(s, o, r)", "learn(s, b, a, c, f)", "end_trial(s, f)")
     )
-    write(PLAIN + compiled + "        weights: np.ndarray\n" + methods, name)
+    change(PLAIN + compiled + "        weights: np.ndarray\n" + methods)
     with pytest.raises(UprightError, match="holds the state of a plain Python agent; the agent is"):
         load_policy(path, agent)
-    save_policy("tuple.npz", learned_policy(make_case(agent), 0, 0, *make_memory(agent)))
+    case = make_case(agent)
+    memory = case.settings.agent(np.random.default_rng(0))
+    save_policy("tuple.npz", learned_policy(case, 0, 0, memory))
     assert read_header("tuple.npz")["format"] == FORMAT
-    write(PLAIN, name)
+    change(PLAIN)
     with pytest.raises(UprightError, match="holds a NamedTuple; the agent is no such thing"):
         load_policy("tuple.npz", agent)
-
-
-def make_memory(agent):
-    return [make_run(make_case(agent, steps=5, trials=1), 0, 0)[0]]
 
 
 # ------------------------------------------------------------------------------ hostile files

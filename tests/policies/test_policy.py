@@ -306,7 +306,10 @@ BAD_FILES = {
         change_header(lambda header: header.update(agent="nobody")),
         "'nobody'; it must be one of adaptive-lqr",
     ),
-    "agent's path": (change_header(lambda header: header.update(agent="../x")), "must be one of"),
+    "agent's path": (
+        change_header(lambda header: header.update(agent="../x")),
+        "named module:name",
+    ),
     # Contract
     "units": (
         change_header(lambda header: header["observation"].__setitem__(2, "theta [deg]")),

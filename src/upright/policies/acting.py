@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from upright.agents.checks.checked import is_push, wrong_action
+from upright.agents.checks.faults import reporting
 from upright.core.parameters import State
 from upright.errors import UprightError
 from upright.policies.own_classes import CODE, attributes_of
@@ -27,6 +29,13 @@ class Actor:
         The name of the agent, for errors.
     agent
         The agent, which is never changed.
+
+    Raises
+    ------
+    AgentError
+        From every method, if the agent's code raises an exception, or `act` returns no push.
+    UprightError
+        From the first method that needs a copy, if the agent cannot be copied.
     """
 
     def __init__(self, name: str, agent: Any) -> None:
@@ -41,18 +50,20 @@ class Actor:
         """Begin from the end of the run."""
         self._playing = self._copy(rng)
         if hasattr(self._playing, "remember"):
-            self._playing.begin_trial(rng)
+            with reporting(self._name, "begin_trial failed in play"):
+                self._playing.begin_trial(rng)
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
         """Choose a push."""
         if self._playing is None:
             self.begin_trial(rng)
-        return bool(self._playing.act(observation, rng))
+        return self._push(self._playing, observation, rng)
 
     def remember(self, observation: State, action: bool) -> None:
         """Enter a step into the history, if the agent has one."""
         if hasattr(self._playing, "remember"):
-            self._playing.remember(observation, action)
+            with reporting(self._name, f"remember failed in play at {observation}"):
+                self._playing.remember(observation, action)
 
     def push_probability(self, observation: State) -> float:
         """Return the fraction of pushes to the right, from one or from `SAMPLES` choices.
@@ -65,11 +76,19 @@ class Actor:
         # A copy of the copy: what the agent counts or notes begins anew, as far as it costs little.
         agent = copy.copy(self._asked)
         self._rng.bit_generator.state = self._unused
-        right = bool(agent.act(observation, self._rng))
+        right = self._push(agent, observation, self._rng)
         if self._rng.bit_generator.state == self._unused:
             return float(right)
-        others = sum(bool(agent.act(observation, self._rng)) for _ in range(SAMPLES - 1))
+        others = sum(self._push(agent, observation, self._rng) for _ in range(SAMPLES - 1))
         return (right + others) / SAMPLES
+
+    def _push(self, agent: Any, observation: State, rng: np.random.Generator) -> bool:
+        where = f"play at {observation}"
+        with reporting(self._name, f"act failed in {where}"):
+            action = agent.act(observation, rng)
+        if not is_push(action):
+            raise wrong_action(self._name, action, where)
+        return bool(action)
 
     def _copy(self, rng: np.random.Generator) -> Any:
         """Return a copy of the agent that draws from these random numbers."""

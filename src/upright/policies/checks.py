@@ -9,7 +9,7 @@ from typing import Any
 from upright.agents import AGENTS
 from upright.core.cartpole import INTEGRATORS
 from upright.core.task import TaskSpec
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import AgentError, UprightError, require, require_one_of
 from upright.plants import PLANTS, describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
@@ -26,9 +26,11 @@ LONGEST_ERROR = 500
 
 @contextmanager
 def explained(path: Path | str) -> Iterator[None]:
-    """Turn any error in reading a policy's file into one clear error."""
+    """Turn any error in reading a policy's file into one clear error; those of an agent pass."""
     try:
         yield
+    except AgentError:  # it is about the agent's own code, and says so
+        raise
     except Exception as error:  # a damaged file can make its reader fail in any way
         said = str(error)
         said = said if len(said) <= LONGEST_ERROR else said[:LONGEST_ERROR] + " …"

@@ -157,14 +157,14 @@ def describe_state(agent: object) -> dict[str, str]:
 
 
 def _described(value: object) -> str:
-    kind = type(value).__name__
+    kind = type(value)
     if isinstance(value, np.ndarray):
         return f"array of {value.dtype}, shape {value.shape}"
-    if isinstance(value, (list, tuple, set, frozenset, deque, dict)):
-        return f"{kind} of {len(value)}"
+    if isinstance(value, (list, tuple, set, frozenset, deque, dict)) and not is_named_tuple(kind):
+        return f"{kind.__name__} of {len(value)}"
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes, range)):
         return reprlib.repr(value)
-    return kind
+    return kind.__name__
 
 
 def _parts(value: Any) -> dict[str, Any]:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from upright import __version__
-from upright.agents import Settings
+from upright.agents import Settings, is_custom
+from upright.agents.checks.faults import reporting
 from upright.agents.parts.policy_form import Form
 from upright.core.parameters import State
 from upright.core.task import TaskSpec
-from upright.errors import UprightError
+from upright.errors import AgentError, UprightError
 from upright.plants import describe_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.acting import Actor
@@ -62,9 +63,26 @@ class Policy:
             self.begin_trial(np.random.default_rng(0))
 
     def push_probability(self, observation: State) -> float:
-        """Return the probability of a push to the right."""
-        source = self._actor or self.memory
-        return float(source.push_probability(State(*map(float, observation))))
+        """Return the probability of a push to the right.
+
+        Raises
+        ------
+        AgentError
+            If a custom agent's code raises an exception, or returns what is no probability.
+        """
+        observation = State(*map(float, observation))
+        if self._actor:
+            return self._actor.push_probability(observation)
+        if not is_custom(self.agent):
+            return float(self.memory.push_probability(observation))
+        with reporting(self.agent, f"push_probability failed in play at {observation}"):
+            probability = float(self.memory.push_probability(observation))
+        if not 0.0 <= probability <= 1.0:
+            raise AgentError(
+                f"agent is {self.agent!r}; push_probability returned {probability!r} in play at "
+                f"{observation}; it must be a number from 0 to 1"
+            )
+        return probability
 
     def begin_trial(self, rng: np.random.Generator) -> None:
         """Forget the previous trial."""

@@ -68,8 +68,8 @@ def is_push(action: object) -> bool:
         return False
 
 
-def _wrong_action(name: str, action: object, where: str) -> AgentError:
-    """Return the error about an action that is no push."""
+def wrong_action(name: str, action: object, where: str) -> AgentError:
+    """Return the error about an action of a custom agent that is no push."""
     value = " ".join(reprlib.repr(action).split())
     hint = f"; {FORGOTTEN}" if action is None else ""
     return AgentError(f"agent is {name!r}; act returned {value} in {where}; {MEANING}{hint}")
@@ -103,7 +103,7 @@ class CheckedAgent:
             raise self._fault("act", error) from error
         if action is True or action is False or is_push(action):
             return action
-        raise _wrong_action(self._name, action, self._place())
+        raise wrong_action(self._name, action, self._place())
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
         """Let the agent learn from a step."""
@@ -218,7 +218,7 @@ def _checked_compiled(agent: Any, name: str, run: str) -> Iterator[CompiledCheck
         if where == OUTSIDE:  # it is the plant's, or the agent could not be compiled
             raise
         if where == WRONG_ACTION:
-            raise _wrong_action(name, action, place(run, trial, step)) from None
+            raise wrong_action(name, action, place(run, trial, step)) from None
         method = list(METHODS)[where - IN_BEGIN_TRIAL]
         raise fault(name, f"{method} failed in {place(run, trial, step)}", error) from error
     numbers.look(place(run, int(notes[TRIAL])))
