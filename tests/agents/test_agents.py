@@ -199,3 +199,11 @@ def test_unmirrored_boxes_are_not_symmetric():
         for point in points
     ]
     assert any(right == left for right, left in pushes)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_an_agent_shows_its_arrays_by_their_shapes(name):
+    shown = repr(AGENTS.default(name).agent(np.random.default_rng(0)))
+    assert "float64[" in shown
+    assert "array(" not in shown
+    assert len(shown) < 2000

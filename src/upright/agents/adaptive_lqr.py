@@ -45,6 +45,7 @@ from upright.agents.parts.history import BLOCK, set_newest, shift, unchanged
 from upright.agents.parts.least_squares import factorise, solve
 from upright.core.compiled import compiled
 from upright.errors import require
+from upright.support.short_repr import short_repr
 
 REFIT = 1.02
 """The model is fitted anew when the data have grown by this factor."""
@@ -93,6 +94,9 @@ class AdaptiveLQRAgent(NamedTuple):
     exploration: float
     learning_steps: int
     kept_samples: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

@@ -41,6 +41,7 @@ from upright.agents.parts.boxes import (
 )
 from upright.core.compiled import compiled
 from upright.errors import require
+from upright.support.short_repr import short_repr
 
 NEGLIGIBLE = 1e-12
 """A trace or an r̂ below this is zero. Left alone, both would shrink for ever while the pole stands,
@@ -71,6 +72,9 @@ class AseAceAgent(NamedTuple):
     actor_trace_decay: float
     critic_trace_decay: float
     noise: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

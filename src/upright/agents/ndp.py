@@ -30,6 +30,7 @@ from upright.agents.parts import policy_form
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled
 from upright.errors import require, require_one_of
+from upright.support.short_repr import short_repr
 
 STALLED_TRIALS, STALLED_STEPS = 6, 5
 """Learning has stalled when this many trials in a row differ by no more than this many steps."""
@@ -95,6 +96,9 @@ class DirectNDPAgent(NamedTuple):
     redraws_unpromising: bool
     init_range: float
     weight_limit: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

@@ -37,6 +37,7 @@ from upright.agents.parts.boxes import (
 )
 from upright.core.compiled import compiled
 from upright.errors import require
+from upright.support.short_repr import short_repr
 
 FALL = -1
 """Stands for the box that a fall leads to."""
@@ -59,6 +60,9 @@ class QLearningAgent(NamedTuple):
     discount: float
     trace_decay: float
     replay_passes: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

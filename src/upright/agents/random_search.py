@@ -15,6 +15,7 @@ import numpy as np
 from upright.agents.parts import policy_form
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled
+from upright.support.short_repr import short_repr
 
 
 class RandomSearchAgent(NamedTuple):
@@ -23,6 +24,9 @@ class RandomSearchAgent(NamedTuple):
     weights: np.ndarray
     """w, shape (4,)."""
     scales: np.ndarray
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

@@ -47,6 +47,7 @@ from upright.agents.parts.network import (
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled
 from upright.errors import require, require_one_of
+from upright.support.short_repr import short_repr
 
 FEATURES = 11
 """Of the baseline: a constant, and the products of two of the four inputs."""
@@ -89,6 +90,9 @@ class ReinforceAgent(NamedTuple):
     gradient: PolicyNetwork
     """Layers that view the gradient in `adam`, as those of `network` view its weights."""
     adam: Adam
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @compiled
     def push_probability(self, observation):

@@ -16,6 +16,7 @@ from upright.core.parameters import (
     make_parameters,
 )
 from upright.errors import UprightError, require, require_one_of
+from upright.support.short_repr import call
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,6 +105,14 @@ class TaskSpec:
         """Return the task by names, ready for JSON, with only those parameters that are changed."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return values | {"parameters": changed_parameters(self.parameters)}
+
+    def changes(self) -> dict[str, Any]:
+        """Return its parts by name that differ from those of the published, noise-free task."""
+        values, usual = self.as_data(), TaskSpec().as_data()
+        return {name: value for name, value in values.items() if value != usual[name]}
+
+    def __repr__(self) -> str:
+        return call("TaskSpec", self.changes())
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "TaskSpec":

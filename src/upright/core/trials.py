@@ -14,6 +14,7 @@ from upright.core.compiled import compiled, inlined
 from upright.core.contracts import Agent, Plant
 from upright.core.noise import disturb, draw_start, measure
 from upright.core.task import Task
+from upright.support.short_repr import short_list
 
 
 class Result(NamedTuple):
@@ -39,6 +40,10 @@ class Result(NamedTuple):
     def trials(self) -> int:
         """Number of trials in the run."""
         return len(self.lengths)
+
+    def __repr__(self) -> str:
+        lengths, seconds = short_list(self.lengths), f"{self.seconds:.3g}"
+        return f"Result(run={self.run}, success={self.success}, {lengths=!s}, {seconds=!s})"
 
 
 NO_PUSHES = (0.0, 0.0)

@@ -18,6 +18,7 @@ from upright.errors import AgentError, UprightError
 from upright.plants import describe_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.acting import Actor
+from upright.support.short_repr import call
 
 OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
 ACTION = "push to the right (+F) with the probability that the policy returns, else left"
@@ -61,6 +62,11 @@ class Policy:
         """Reset to the start of a trial."""
         if not self._actor:
             self.begin_trial(np.random.default_rng(0))
+
+    def __repr__(self) -> str:
+        parts = {**self.learned_on.changes(), "seed": self.seed, "run": self.run}
+        plant = {} if self.plant["name"] == EQUATIONS.name else {"plant": self.plant["name"]}
+        return call("Policy", parts | plant, [self.agent])
 
     def push_probability(self, observation: State) -> float:
         """Return the probability of a push to the right.

@@ -15,6 +15,7 @@ from upright.studies.case import Case, named
 from upright.studies.intervals import bootstrap_interval, wilson_interval
 from upright.studies.store import Store
 from upright.support.settings import changed_values
+from upright.support.short_repr import call
 
 INTERVALS = ("success_ci95", "ci95", "all_runs_ci95")
 """The fields of a row that are intervals, each as its two ends."""
@@ -73,6 +74,11 @@ class Row:
     def name(self) -> str:
         """Name of the agent, for display."""
         return named(self.agent, self.language, self.plant)
+
+    def __repr__(self) -> str:
+        parts = {**self.task.changes(), "runs": self.runs, "successes": self.successes}
+        means = {"mean_trials": self.mean_trials and round(self.mean_trials, 2)}
+        return call("Row", parts | means, [self.name, self.settings])
 
     def as_data(self) -> dict[str, Any]:
         """Return the row as data for JSON, with the fields of the task among its own."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from upright.core.trials import Result
 from upright.errors import UprightError
+from upright.support.short_repr import counted
 
 APPLICATION_ID = 0x55505254
 """Marks a database as a store of this package ("UPRT")."""
@@ -82,6 +83,16 @@ class Store:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def __repr__(self) -> str:
+        place = "in memory" if self.path is None else repr(str(self.path))
+        try:
+            ((cases, runs),) = self._database.execute(
+                "SELECT count(DISTINCT case_id), count(*) FROM runs"
+            )
+        except sqlite3.Error:  # it is closed, or another thread's
+            return f"Store({place})"
+        return f"Store({place}, {counted(cases, 'case')}, {counted(runs, 'run')})"
 
     @contextmanager
     def _explaining_errors(self) -> Iterator[None]:
