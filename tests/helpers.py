@@ -20,7 +20,6 @@ from upright.core.trials import Result
 from upright.plants.equations import equations
 from upright.plants.settings import RunContext
 from upright.reports.statistics import Row
-from upright.studies.fingerprint import fingerprint
 from upright.studies.store import Store
 
 ROOT = Path(__file__).parents[1]
@@ -187,7 +186,6 @@ def new_module_name() -> str:
 def forget(name: str) -> None:
     """Forget a module, as a new process would."""
     sys.modules.pop(name, None)
-    fingerprint.cache_clear()
     importlib.invalidate_caches()
 
 

@@ -21,8 +21,36 @@ import numpy as np
 from upright.agents.checks.contract import check_contract
 from upright.agents.checks.faults import RAISED, fault, reporting
 from upright.agents.checks.names import advice
-from upright.core.contracts import Agent, GymnasiumLearner
+from upright.core.contracts import Agent, AnyAgent, GymnasiumLearner
 from upright.errors import AgentError, UprightError
+
+
+def name_of(agent: AnyAgent) -> str:
+    """Return the name of an agent; for a class or a function, its path `module:name`.
+
+    Raises
+    ------
+    UprightError
+        If it is something else, or what stands at that path is not this class or function.
+    """
+    if isinstance(agent, str):
+        return agent
+    name = getattr(agent, "__qualname__", None)
+    if not callable(agent) or name is None:
+        shown = f"of type {type(agent).__qualname__}" if hasattr(agent, "act") else repr(agent)
+        raise UprightError(
+            f"agent is {shown}; it must be a name, or a class or function which returns an agent "
+            "when it is called with the run's random numbers"
+        )
+    path = f"{agent.__module__}:{name}"
+    if "<" in name:  # of a lambda, or within a function
+        raise UprightError(
+            f"agent is {path!r}; it must be defined at the top level of a module, a script or a "
+            "notebook, under a name"
+        )
+    if CustomAgent(path).make() is not agent:
+        raise UprightError(f"agent is {path!r}; another class or function has that name now")
+    return path
 
 
 @dataclass(frozen=True)
@@ -46,7 +74,7 @@ class CustomAgent:
             If its code raises an exception, it cannot be created from `rng` alone, or it lacks a
             method that can be called as it must be.
         """
-        make = self._make()
+        make = self.make()
         try:
             inspect.signature(make).bind(rng)
         except TypeError as error:
@@ -63,7 +91,7 @@ class CustomAgent:
 
     def summary(self) -> str:
         """Return the first line of the docstring of the agent or its module; empty if none."""
-        make = self._make()
+        make = self.make()
         return (inspect.getdoc(make) or self._module().__doc__ or "").partition("\n")[0]
 
     def source(self) -> Path:
@@ -79,9 +107,18 @@ class CustomAgent:
             raise UprightError(f"agent is {self.agent_name!r}; its module has no file")
         return Path(file)
 
-    def _make(self) -> Callable[[np.random.Generator], Any]:
+    def make(self) -> Callable[[np.random.Generator], Any]:
+        """Return the class or function that returns a new agent.
+
+        Raises
+        ------
+        UprightError
+            If there is none of this name.
+        """
         name = self.agent_name.partition(":")[2]
-        make = getattr(self._module(), name, None)
+        make: Any = self._module()
+        for part in name.split("."):
+            make = getattr(make, part, None)
         if not callable(make):
             raise UprightError(
                 f"agent is {self.agent_name!r}; there is no class or function {name!r} in "

@@ -4,7 +4,8 @@ An agent is a memory and four functions, whatever plant it balances. A learner t
 Gymnasium is not an agent: the loop does not call it; it steps an environment itself.
 """
 
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -35,6 +36,10 @@ class GymnasiumLearner(Protocol):
 
     def train(self, env: "gymnasium.Env[Any, Any]") -> None:
         """Learn in an environment until it raises `upright.RunOver`."""
+
+
+AnyAgent: TypeAlias = str | Callable[[np.random.Generator], Any]
+"""An agent by its name, or its path `module:name`; or the class or function that returns it."""
 
 
 class Plant(Protocol):

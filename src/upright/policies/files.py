@@ -9,6 +9,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from upright.agents.custom import name_of
+from upright.core.contracts import AnyAgent
 from upright.errors import UprightError, require_one_of
 from upright.policies.checks import explained
 from upright.policies.policy import Policy
@@ -97,7 +99,7 @@ def check_export(path: Path | str) -> Path:
     return check_output(path)
 
 
-def load_policy(path: Path | str, agent: str | None = None) -> Policy:
+def load_policy(path: Path | str, agent: AnyAgent | None = None) -> Policy:
     """Read a policy from a file.
 
     Nothing in the file is executed, and no more is unpacked than its settings imply.
@@ -109,7 +111,7 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
         anyone.
     agent
         The agent that learned it. A custom agent is code that will be imported, so it must be named
-        here, as it is in the file.
+        here, as it is in the file, or its class or function be given.
 
     Raises
     ------
@@ -124,7 +126,7 @@ def load_policy(path: Path | str, agent: str | None = None) -> Policy:
     >>> policy.task["noise"], policy.task["steps"]
     ('none', 300)
     """
-    policy: Policy = _reader(path).read(path, agent)
+    policy: Policy = _reader(path).read(path, agent if agent is None else name_of(agent))
     return policy
 
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from upright.agents import AGENTS, Settings, is_custom
+from upright.agents.custom import name_of
+from upright.core.contracts import AnyAgent
 from upright.core.task import TaskSpec
 from upright.errors import UprightError, require_one_of
 from upright.plants import PLANTS, describe_plant, restore_plant
@@ -17,6 +19,7 @@ from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
 from upright.studies.fingerprint import fingerprint
 from upright.support.settings import changed_values, values_of, with_values
+from upright.support.short_repr import call
 
 LANGUAGES = ("Python", "MATLAB")
 """Languages that a run can be made in: this package, or its MATLAB twin."""
@@ -67,6 +70,20 @@ class Case:
                 raise UprightError(
                     "the MATLAB twin has only the published parameters and integrator"
                 )
+
+    def __repr__(self) -> str:
+        """Return it as `make_case` takes it, with all that differs from the usual values."""
+        usual = AGENTS.settings(self.agent)
+        settings = changed_values(usual.get(self.label, usual["default"]), self.settings)
+        plant = changed_values(PLANTS.default(self.plant.name), self.plant)
+        parts: dict[str, Any] = {
+            **({"language": self.language} if self.language != "Python" else {}),
+            **({"settings": settings} if settings else {}),
+            **({"plant": {"name": self.plant.name, **plant}} if self.plant != EQUATIONS else {}),
+            **self.spec.changes(),
+        }
+        label = [self.label] if self.label != "default" else []
+        return call("Case", parts, [self.agent, *label])
 
     @property
     def name(self) -> str:
@@ -150,12 +167,13 @@ def name_settings(label: str, usual: Settings, settings: Settings) -> str:
 
 def named(agent: str, language: str, plant: str) -> str:
     """Return an agent's name, with language and plant in brackets if they are not the usual."""
+    agent = agent.removeprefix("__main__:")  # of this very script or notebook
     unusual = [name for name in (language, plant) if name not in ("Python", "equations")]
     return f"{agent} ({', '.join(unusual)})" if unusual else agent
 
 
 def make_case(
-    agent: str,
+    agent: AnyAgent,
     label: str = "default",
     *,
     settings: Mapping[str, Any] = {},
@@ -168,7 +186,8 @@ def make_case(
     Parameters
     ----------
     agent
-        Name of an agent, or `module:name` of a custom one.
+        Name of an agent, or `module:name` of a custom one; or a class or function which returns an
+        agent when it is called with the run's random numbers.
     label
         Name of its settings: "default" or "as-published". An agent without settings as published
         uses its default ones.
@@ -195,6 +214,7 @@ def make_case(
     >>> upright.make_case("q-learning", settings={"learning_rate": 0.3}).settings_name
     'default, learning_rate=0.3'
     """
+    agent = name_of(agent)
     require_one_of("settings", label, ("default", "as-published"))
     if isinstance(plant, str):
         plant = PLANTS.default(plant)

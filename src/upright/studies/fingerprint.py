@@ -3,12 +3,14 @@
 The files are found, not listed: all of `core/`, the modules here that make a run, and the modules
 of the agent and the plant with everything that they import, including data files that they name. An
 edit of any of them changes the key of runs, so a store never mixes results of two versions of a
-rule.
+rule. For an agent that a script or a notebook defines, definitions.py finds what it uses.
 """
 
 import ast
+import sys
 from collections.abc import Iterable, Iterator
-from functools import cache
+from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from upright.agents import AGENTS, is_custom
 from upright.agents.custom import CustomAgent
 from upright.errors import UprightError
 from upright.plants import PLANTS
+from upright.studies.definitions import digest_of, is_in_main
 from upright.support.files import PACKAGE, digest
 from upright.support.registry import Registry
 
@@ -29,9 +32,15 @@ INSTALLED = ("site-packages", "dist-packages")
 """Names of folders of installed packages, where neighbouring modules are not part of an agent."""
 
 
-@cache
+_known: dict[tuple[str, str], tuple[object, str]] = {}
+"""Fingerprints of agents on plants, each with the class or function that it was computed for."""
+
+
 def fingerprint(agent: str, plant: str) -> str:
     """Return a digest of the code that determines a run of this agent on this plant.
+
+    It is that of the files when the agent was imported: later edits change it only once the agent's
+    module is imported again. The code of an agent in a script or a notebook may change at any time.
 
     Parameters
     ----------
@@ -40,13 +49,31 @@ def fingerprint(agent: str, plant: str) -> str:
     plant
         Name of a plant.
     """
+    if is_in_main(agent):
+        return _fingerprint(agent, plant)
+    make = CustomAgent(agent).make() if AGENTS.is_path(agent) else None
+    known = _known.get((agent, plant))
+    if known is None or known[0] is not make:
+        known = _known[agent, plant] = make, _fingerprint(agent, plant)
+    return known[1]
+
+
+def _fingerprint(agent: str, plant: str) -> str:
     ours: list[Path] = []
     others: list[str] = []
     for registry, name in ((AGENTS, agent), (PLANTS, plant)):
         if name in registry.built_in:
             ours.append(_file_of(registry[name]))
+            continue
+        if is_in_main(name):
+            code, used = digest_of(CustomAgent(name).make())
+            others.append(code)
+            ours += [file for _, file in _sources(used) if file.is_relative_to(PACKAGE)]
+            sources = [source for source in _sources(used) if _is_own(*source)]
         else:
-            root, files = outside_files(*_source(registry, name))
+            sources = [_source(registry, name)]
+        for source in sources:
+            root, files = outside_files(*source)
             others.append(digest(sorted(files), root))
             ours += _used_of_this_package(files)
     if is_custom(agent):
@@ -56,6 +83,23 @@ def fingerprint(agent: str, plant: str) -> str:
 
 def _file_of(module: str) -> Path:
     return PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+
+
+def _sources(modules: Iterable[str]) -> list[tuple[str, Path]]:
+    """Return those of some modules that have a file, with it; not this package's public face."""
+    found = []
+    for module in sorted(modules):
+        with suppress(ImportError, ValueError):  # it is missing, or was made by a program
+            spec = find_spec(module)
+            if spec and spec.has_location and spec.origin and module != "upright":
+                found.append((module, Path(spec.origin)))
+    return found
+
+
+def _is_own(module: str, file: Path) -> bool:
+    """Whether a module is neither Python's, nor of an installed package, nor of this one."""
+    elsewhere = {*file.parts} & {*INSTALLED} or file.is_relative_to(PACKAGE)
+    return module.partition(".")[0] not in sys.stdlib_module_names and not elsewhere
 
 
 def _source(registry: Registry[Any], name: str) -> tuple[str, Path]:

@@ -50,12 +50,12 @@ def doubt_about(case: Case) -> str:
         return ""
     spec = replace(case.spec, trials=TRIALS, steps=min(STEPS, case.spec.steps))
     with _one_at_a_time:
-        repeats = _repeats(replace(case, spec=spec))
+        repeats = _repeats(replace(case, spec=spec), case.key)
     return "" if repeats else f"agent is {case.agent!r}; {DOUBT}"
 
 
 @cache
-def _repeats(case: Case) -> bool:
+def _repeats(case: Case, key: str) -> bool:  # noqa: ARG001 - it tells versions of code apart
     try:
         with _unseen():
             return _trace(case) == _trace(case)

@@ -20,6 +20,7 @@ from upright.core.trials import Result
 from upright.errors import AgentError, UprightError, require
 from upright.studies import matlab_twin
 from upright.studies.case import Case
+from upright.studies.definitions import is_in_main, pack, receive, unpack
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.store import Store
@@ -28,10 +29,21 @@ from upright.support.processes import process_pool
 
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
+    unpack()
     # `case.key` was computed in the parent process; this one may have imported a changed agent.
-    if replace(case).key != case.key:
+    if not is_in_main(case.agent) and _has_changed(case):
         raise UprightError(f"agent is {case.agent!r}; its source changed after it was imported")
     return make_run(case, seed, run, stop=stop)[1]
+
+
+def _doubt(case: Case) -> str:
+    unpack()
+    return doubt_about(case)
+
+
+def _has_changed(case: Case) -> bool:
+    """Whether the code that determines its runs is no longer that of its key."""
+    return replace(case).key != case.key
 
 
 def study(
@@ -70,8 +82,8 @@ def study(
     Raises
     ------
     UprightError
-        If `runs` or `seed` is not a whole number in its range, or MATLAB or Octave is needed but
-        missing.
+        If `runs` or `seed` is not a whole number in its range, a custom agent was defined anew
+        since its case was made, or MATLAB or Octave is needed but missing.
     AgentError
         If a custom agent fails; the runs that have ended are in the store.
     KeyboardInterrupt
@@ -89,6 +101,9 @@ def study(
     if store is None:
         with Store() as memory:
             return study(cases, runs, seed, memory, on_result, executor)
+    for case in cases:
+        if is_custom(case.agent) and _has_changed(case):
+            raise UprightError(f"agent is {case.agent!r}; it changed after its case was made")
     missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
     twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
@@ -128,7 +143,7 @@ def _study_here(
 
     try:
         for case in custom.values():
-            doubts.add(submit(doubt_about, case))
+            doubts.add(submit(_doubt, case))
         for case, numbers in missing.items():
             for run in numbers:
                 with let_interrupts_through():
@@ -173,7 +188,7 @@ def _workers(cases: list[Case]) -> Executor:
     custom = {case.settings for case in cases if is_custom(case.agent)}
     if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in custom):
         return ThreadPoolExecutor(cpu_count())
-    return process_pool()
+    return process_pool(receive, pack(case.agent for case in cases))
 
 
 def check_study(runs: int, seed: int) -> None:

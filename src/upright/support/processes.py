@@ -1,27 +1,62 @@
 """Processes: a pool of workers, terminating programs, pinning lock-step partners to one core."""
 
-import multiprocessing
 import os
 import signal
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
 from os import cpu_count
 from subprocess import Popen, TimeoutExpired
+from types import ModuleType
 from typing import Any
 
 PATIENCE = 5.0
 """How long a terminated program may take to exit before it is killed [s]."""
 
 
-def process_pool() -> ProcessPoolExecutor:
+class _Worker(SpawnProcess):
+    """A new process that does not import the main module of this one.
+
+    Python would execute the user's script again in every process, without an end if the script has
+    no `if __name__ == "__main__":`.
+    """
+
+    @staticmethod
+    def _Popen(process_obj: Any) -> Any:  # noqa: N802 - its name in multiprocessing
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")  # one without a file or a name to import
+        try:
+            return SpawnProcess._Popen(process_obj)
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Workers(SpawnContext):
+    Process = _Worker
+
+
+def process_pool(
+    prepare: Callable[..., object] | None = None, *arguments: Any
+) -> ProcessPoolExecutor:
     """Return a pool with one worker process per core.
 
     The workers are spawned, because a fork of a process with threads may hang. Ctrl-C reaches them
-    too: they exit at once, without a traceback.
+    too: they exit at once, without a traceback. They do not import this process's main module.
+
+    Parameters
+    ----------
+    prepare, *arguments
+        What each worker calls first, if anything, and with what.
     """
-    spawn = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(cpu_count(), spawn, signal.signal, (signal.SIGINT, signal.SIG_DFL))
+    return ProcessPoolExecutor(cpu_count(), _Workers(), _begin, (prepare, *arguments))
+
+
+def _begin(prepare: Callable[..., object] | None, *arguments: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if prepare:
+        prepare(*arguments)
 
 
 def end_process(process: "Popen[Any]") -> None:
