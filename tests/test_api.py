@@ -194,6 +194,7 @@ def test_learn_takes_the_settings_by_name():
         ({"noise": "loud"}, "noise is 'loud'"),
         ({"plant": "sand"}, "plant is 'sand'"),
         ({"agent": "helpers:Nobody"}, "agent is 'helpers:Nobody'"),
+        ({"agent": 3}, "agent is 3; it must be a name, or a class or function"),
     ],
 )
 def test_learn_refuses_in_one_line(arguments, told):

@@ -13,6 +13,9 @@ and how many steps the last one lasted:
 >>> result.success, result.trials, int(result.lengths[-1])
 (True, 7, 1000)
 
+An agent of your own takes the place of the name: a class with four methods, wherever it is defined
+(see docs/agents.md).
+
 Play what it learned, here under noise that it did not train with, and save it to a file:
 
 >>> played = upright.play(policy, episodes=3, noise="sensor-5")
@@ -32,6 +35,16 @@ Parameters → plant → noise → agent → trial → run → store → table:
 - A *case* is an agent with its settings on a task. A *study* runs each of its cases many times, on
   all cores; a *store* keeps the results in a file. A *table* shows the statistics of each case.
 
+>>> compared = upright.compare(["reinforce", "q-learning"], ["none", "sensor-5"], runs=5, steps=500,
+...                            progress=False)
+>>> compared
+Comparison(reinforce, q-learning, random-search; none, sensor-5; 5 runs each)
+>>> print(compared)  # doctest: +ELLIPSIS
+Agent          ...
+
+A notebook shows it as a table; ``compared.frame()`` is a pandas DataFrame of the runs, and
+``compared.plot()`` a figure. Step by step:
+
 >>> case = upright.make_case("random-search", noise="gaussian-0.1", steps=500)
 >>> results = upright.study([case], runs=5, seed=0)
 >>> [result.trials for result in results[case]]
@@ -49,9 +62,10 @@ A task
 Plants and agents
     `PLANTS`, `equations`; `AGENTS`; `compiled`, to make your own agents as fast
 One run
-    `learn` and `play`; step by step: `make_case`, `Case`, `make_run`, `Result`
+    `learn`, which returns `Learned`, and `play`; step by step: `make_case`, `Case`, `make_run`,
+    `Result`
 Many runs
-    `study`, `Store`, `summarise`, `render`
+    `compare`, which returns a `Comparison`; step by step: `study`, `Store`, `summarise`, `render`
 What was learned
     `Policy`, `save_policy`, `load_policy`, `export_policy` (C, ONNX or JSON)
 Gymnasium
@@ -96,11 +110,14 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.policies.files import load_policy as load_policy
     from upright.policies.files import save_policy as save_policy
     from upright.policies.policy import Policy as Policy
+    from upright.reports.comparison import Comparison as Comparison
+    from upright.reports.comparison import compare as compare
+    from upright.reports.learning import Learned as Learned
+    from upright.reports.learning import learn as learn
     from upright.reports.statistics import summarise as summarise
     from upright.reports.tables import render as render
     from upright.studies.case import Case as Case
     from upright.studies.case import make_case as make_case
-    from upright.studies.learned import learn as learn
     from upright.studies.playing import play as play
     from upright.studies.run import make_run as make_run
     from upright.studies.store import Store as Store
@@ -123,10 +140,11 @@ _PLACES = {
     "plants.equations": ("equations",),
     "policies.files": ("export_policy", "load_policy", "save_policy"),
     "policies.policy": ("Policy",),
+    "reports.comparison": ("Comparison", "compare"),
+    "reports.learning": ("Learned", "learn"),
     "reports.statistics": ("summarise",),
     "reports.tables": ("render",),
     "studies.case": ("Case", "make_case"),
-    "studies.learned": ("learn",),
     "studies.playing": ("play",),
     "studies.run": ("make_run",),
     "studies.store": ("Store",),

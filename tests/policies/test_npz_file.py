@@ -18,8 +18,9 @@ from upright.policies.checks import JSON_MARKS
 from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.npz_file import FORMAT, PLAIN_FORMAT
 from upright.policies.policy import Policy
+from upright.reports.learning import learn
 from upright.studies.case import make_case
-from upright.studies.learned import check_policy, learn, learned_policy
+from upright.studies.learned import check_policy, learned_policy
 from upright.studies.playing import case_for, play, play_trials
 from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED
 

@@ -6,8 +6,8 @@ import pytest
 
 from upright.commands import run
 from upright.errors import AgentWarning
+from upright.reports.learning import learn
 from upright.studies.case import make_case
-from upright.studies.learned import learn
 from upright.studies.repeatability import STEPS, TRIALS, doubt_about
 from upright.studies.study import study
 

@@ -116,7 +116,7 @@ def to_text(table: Table) -> str:
     for line in table.body:
         drawn.add_row(*(Text(cell) for cell in line))
     written = io.StringIO()
-    console = Console(file=written, width=1000, highlight=False)
+    console = Console(file=written, width=1000, highlight=False, force_jupyter=False)
     console.print(drawn)
     lines = [line.rstrip() for line in written.getvalue().splitlines()]
     lines.insert(1, "─" * max(len(line) for line in lines))

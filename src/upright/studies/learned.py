@@ -8,15 +8,13 @@ import numpy as np
 
 from upright.agents import is_custom
 from upright.core.trials import Result
-from upright.errors import require
 from upright.plants import describe_plant
 from upright.policies.files import save_policy
 from upright.policies.npz_file import check_saving
 from upright.policies.policy import Policy, form_of
-from upright.studies.case import Case, make_case
+from upright.studies.case import Case
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
-from upright.studies.study import check_study
 from upright.support.files import check_output
 
 
@@ -44,52 +42,14 @@ def learned_policy(case: Case, seed: int, run: int, memory: Any) -> Policy:
     )
 
 
-def learn(
-    agent: str, settings: str = "default", *, seed: int = 0, run: int = 0, **task: Any
-) -> tuple[Policy, Result]:
-    """Train a new agent until a trial succeeds, and return what it learned.
-
-    Parameters
-    ----------
-    agent
-        Name of an agent in `AGENTS`, or ``module:name`` of a custom one.
-    settings
-        Name of its settings: "default" or "as-published".
-    seed, run
-        These two numbers determine the result on every machine. The run is the one with the same
-        number in a `study` with this seed.
-    **task
-        Parts of the task by name, as `make_case` takes them: `noise`, `start`, `steps`, `trials`,
-        `condition`, `plant` and others.
-
-    Returns
-    -------
-    tuple
-        The policy, to play, save or export; and the result, with the length of every trial.
+def make_learned(case: Case, seed: int, run: int) -> tuple[Policy, Result]:
+    """Make one run, and return the policy that its agent learned and the result.
 
     Raises
     ------
-    UprightError
-        If a name is unknown, a number is not allowed, or the agent cannot be saved as a policy.
     KeyboardInterrupt
         If interrupted; the run ends before its next trial.
-
-    Examples
-    --------
-    >>> policy, result = upright.learn("adaptive-lqr", noise="gaussian-0.1", steps=2000)
-    >>> result.success, result.lengths
-    (True, array([2000]))
-
-    A run that fails also returns what was learned:
-
-    >>> policy, result = upright.learn("q-learning", steps=2000, trials=2)
-    >>> result.success
-    False
     """
-    require("run", run, 0, whole=True)
-    check_study(run + 1, seed)
-    case = make_case(agent, settings, **task)
-    check_policy(case)
     stop = np.zeros(1, np.bool_)
 
     def work() -> tuple[Any, Result | None]:

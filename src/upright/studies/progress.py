@@ -1,6 +1,8 @@
 """Progress bars for studies and searches."""
 
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -8,15 +10,35 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from upright.core.trials import Result
 from upright.studies.case import Case
+from upright.studies.notebook_bar import in_notebook, notebook_bar
 from upright.studies.store import Store
 from upright.studies.study import study
 from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult, search
 
 
-def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Store) -> None:
+def study_with_progress(
+    cases: Iterable[Case], runs: int, seed: int, store: Store
+) -> dict[Case, list[Result]]:
     """Run a study with `study.study`, showing a progress bar with its rate and the time left."""
     cases = list(cases)
-    done = sum(run < runs for case in cases for run in store.finished(case.key, seed))
+    finished = sum(run < runs for case in cases for run in store.finished(case.key, seed))
+    total = runs * len(cases) - finished
+    kept = f"they are kept in {store.path}" if store.path else "they are lost without a store"
+    steps, began = 0, time.monotonic()
+    with notebook_bar(total, kept) if in_notebook() else _terminal_bar(total) as advance:
+
+        def show(case: Case, result: Result) -> None:
+            nonlocal steps
+            steps += int(result.lengths.sum())
+            rate = steps / (time.monotonic() - began or 1e-9) / 1e6
+            advance(f"{case.name}, {case.spec.noise}", f"{rate:.1f} M steps/s")
+
+        return study(cases, runs, seed, store, show)
+
+
+@contextmanager
+def _terminal_bar(total: int) -> Iterator[Callable[[str, str], None]]:
+    """Show a bar in the terminal; yield what is called after each run, as `notebook_bar` does."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -26,17 +48,12 @@ def study_with_progress(cases: Iterable[Case], runs: int, seed: int, store: Stor
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=runs * len(cases) - done, rate="")
-        steps = 0
+        task = bar.add_task("starting", total=total, rate="")
 
-        def show(case: Case, result: Result) -> None:
-            nonlocal steps
-            steps += int(result.lengths.sum())
-            rate = steps / (bar.tasks[0].elapsed or 1e-9) / 1e6
-            description = f"{case.name}, {case.spec.noise}"
-            bar.update(task, advance=1, description=description, rate=f"{rate:.1f} M steps/s")
+        def advance(name: str, speed: str) -> None:
+            bar.update(task, advance=1, description=name, rate=speed)
 
-        study(cases, runs, seed, store, show)
+        yield advance
 
 
 def search_with_progress(plan: Search, candidates: int, path: Path | str) -> SearchResult:

@@ -1,0 +1,230 @@
+"""Several agents measured beside each other from Python: `compare`, and what it returns."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from upright.core.conditions import PUBLISHED_NOISES, RUNS
+from upright.core.contracts import AnyAgent
+from upright.core.trials import Result
+from upright.errors import UprightError, require_one_of
+from upright.reports.learning import trials_of
+from upright.reports.notebook import displayed, html_table, make_frame
+from upright.reports.statistics import Row, summarise
+from upright.reports.tables import study_table, to_text
+from upright.studies.case import Case, make_case
+from upright.studies.progress import study_with_progress
+from upright.studies.store import Store
+from upright.studies.study import check_study, study
+from upright.support.short_repr import counted
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+GUESSING = "random-search"
+"""The agent that guesses: what does no better has learned nothing."""
+WORDS = ("Agent", "Settings", "Noise", "Task")
+"""Columns of the table that hold words."""
+COLUMNS = ("agent", "settings", "noise", "seed", "run")
+"""Columns of frames that say which run it is."""
+MEASURED = {
+    "run": ("success", "trials", "steps", "longest_trial", "seconds"),
+    "trial": ("trial", "steps", "fallen"),
+}
+"""The other columns of frames with a row for each run, or for each trial."""
+PLOTS = ("trials", "curves")
+"""What can be drawn."""
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What `compare` returns: the runs of several agents, and tables, frames and plots of them.
+
+    A notebook shows it as a table; elsewhere ``print`` does.
+
+    Examples
+    --------
+    >>> compared = upright.compare("q-learning", runs=5, steps=300, progress=False)
+    >>> compared
+    Comparison(q-learning, random-search; none; 5 runs each)
+    >>> [row.agent for row in compared.rows]
+    ['q-learning', 'random-search']
+    >>> frame = compared.frame()
+    >>> list(frame.columns[-5:]), len(frame)
+    (['success', 'trials', 'steps', 'longest_trial', 'seconds'], 10)
+    >>> figure = compared.plot("curves")
+    """
+
+    results: Mapping[Case, Sequence[Result]]
+    """The results of the runs of each case, in order."""
+    seed: int
+    """Seed of the study."""
+
+    @cached_property
+    def rows(self) -> list[Row]:
+        """The statistics of each case: success rate and mean trials with intervals, and others."""
+        return [summarise(case, self.seed, results) for case, results in self.results.items()]
+
+    def frame(self, each: str = "run") -> "pandas.DataFrame":
+        """Return the runs as a tidy pandas DataFrame.
+
+        Parameters
+        ----------
+        each
+            "run" for a row for each run: its `success`, its number of `trials`, the `steps` of all
+            of them together, the `longest_trial` in steps, and the computing time in `seconds`.
+            "trial" for a row for each trial: its number `trial`, from 1, the `steps` that it
+            lasted, and whether it ended with the pole `fallen`. Before these stand `agent`,
+            `settings`, `noise`, `seed` and `run`.
+
+        Raises
+        ------
+        UprightError
+            If pandas is missing.
+        """
+        require_one_of("each", each, MEASURED)
+        measured = trials_of if each == "trial" else _measured
+        rows = [
+            {
+                "agent": case.name,
+                "settings": case.label,
+                "noise": case.spec.noise,
+                "seed": self.seed,
+                "run": result.run,
+                **values,
+            }
+            for case, results in self.results.items()
+            for result in results
+            for values in measured(result)
+        ]
+        return make_frame(rows, COLUMNS + MEASURED[each])
+
+    def plot(self, kind: str = "trials") -> "Figure":
+        """Draw the runs.
+
+        Parameters
+        ----------
+        kind
+            "trials" for the fraction of runs that succeeded within a number of trials, or "curves"
+            for the learning curve of every run and of the median.
+        """
+        from upright.reports.plots import plot_curves, plot_trials  # imported late: it is slow
+
+        require_one_of("kind", kind, PLOTS)
+        draw = plot_curves if kind == "curves" else plot_trials
+        return displayed(draw([(case, list(results)) for case, results in self.results.items()]))
+
+    def __str__(self) -> str:
+        return to_text(study_table(self.rows))
+
+    def __repr__(self) -> str:
+        agents = dict.fromkeys(case.name for case in self.results)
+        noises = dict.fromkeys(case.spec.noise for case in self.results)
+        runs = counted(max(map(len, self.results.values())), "run")
+        return f"Comparison({', '.join(agents)}; {', '.join(noises)}; {runs} each)"
+
+    def _repr_html_(self) -> str:
+        table = study_table(self.rows)
+        return html_table(table.head, table.body, table.notes, WORDS)
+
+
+def _measured(result: Result) -> list[dict[str, Any]]:
+    return [
+        {
+            "success": result.success,
+            "trials": result.trials,
+            "steps": int(result.lengths.sum()),
+            "longest_trial": int(result.lengths.max(initial=0)),
+            "seconds": result.seconds,
+        }
+    ]
+
+
+def compare(
+    agents: AnyAgent | Iterable[AnyAgent],
+    noises: str | Iterable[str] = "none",
+    settings: str = "default",
+    *,
+    runs: int = RUNS,
+    seed: int = 0,
+    store: Store | Path | str | None = None,
+    guessing: bool = True,
+    progress: bool = True,
+    **task: Any,
+) -> Comparison:
+    """Measure agents over many runs, beside random guessing.
+
+    Parameters
+    ----------
+    agents
+        The agents, or a single one: names in `AGENTS`, ``module:name`` of custom ones, or classes
+        and functions which return an agent when they are called with a run's random numbers.
+    noises
+        Names of noise cases in `NOISES`, or a single one; "all" for the seven published ones.
+    settings
+        Name of the agents' settings: "default" or "as-published".
+    runs
+        Number of runs of each agent under each noise case.
+    seed
+        Seed of the study: the same seed gives the same result on every machine.
+    store
+        A file, or an open `Store`, where finished runs are kept and looked up. Interrupted, the
+        same call goes on from there.
+    guessing
+        Whether to add `random-search`, which guesses and learns nothing, if it is not among the
+        agents.
+    progress
+        Whether to show a progress bar, in a terminal or a notebook.
+    **task
+        Other parts of the task by name, as `make_case` takes them: `start`, `steps`, `trials`,
+        `condition`, `plant` and others.
+
+    Returns
+    -------
+    Comparison
+        It is shown as a table. Its attribute `rows` holds the statistics; its methods `frame` and
+        `plot` return the runs as a pandas DataFrame and as a figure.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, a number is not allowed, or an agent cannot work.
+    KeyboardInterrupt
+        If interrupted; the runs that have ended are in the store.
+
+    Examples
+    --------
+    >>> compared = upright.compare(["reinforce", "q-learning"], runs=10, steps=300, progress=False)
+    >>> print(compared)  # doctest: +ELLIPSIS
+    Agent ...
+    >>> compared.frame().groupby("agent")["success"].mean()["reinforce"].item()
+    1.0
+    """
+    check_study(runs, seed)
+    if "noise" in task:
+        raise UprightError(f"noise is {task['noise']!r}; compare takes noises, one or several")
+    cases = [
+        make_case(agent, settings, noise=noise, **task)
+        for agent in _all_agents(agents, guessing)
+        for noise in _all_noises(noises)
+    ]
+    cases = list(dict.fromkeys(cases))
+    with nullcontext(store) if isinstance(store, Store) else Store(store) as opened:
+        make = study_with_progress if progress else study
+        return Comparison(make(cases, runs, seed, opened), seed)
+
+
+def _all_agents(agents: Any, guessing: bool) -> list[AnyAgent]:
+    is_one = isinstance(agents, str) or callable(agents) or not isinstance(agents, Iterable)
+    several = [agents] if is_one else [*agents]
+    return several + [GUESSING] * (guessing and GUESSING not in several)
+
+
+def _all_noises(noises: str | Iterable[str]) -> list[str]:
+    if isinstance(noises, str):
+        return [*PUBLISHED_NOISES] if noises == "all" else [noises]
+    return [*noises]

@@ -1,0 +1,136 @@
+"""One run from Python: `learn`, and what it returns."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from upright.core.contracts import AnyAgent
+from upright.core.trials import Result
+from upright.errors import require
+from upright.policies.policy import Policy
+from upright.reports.notebook import displayed, html_table, make_frame
+from upright.studies.case import make_case, named
+from upright.studies.learned import make_learned
+from upright.studies.study import check_study
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+class Learned(NamedTuple):
+    """What `learn` returns: a policy and the result of its run. A notebook shows it as a table.
+
+    Examples
+    --------
+    >>> learned = upright.learn("q-learning", steps=300, seed=2)
+    >>> policy, result = learned
+    >>> learned.result.trials == len(learned.frame())
+    True
+    >>> figure = learned.plot()
+    >>> figure.savefig("curve.png")
+    """
+
+    policy: Policy
+    """What the agent had learned when the run ended."""
+    result: Result
+    """The outcome of the run, with the length of every trial."""
+
+    def frame(self) -> "pandas.DataFrame":
+        """Return the trials as a pandas DataFrame, a row each.
+
+        Returns
+        -------
+        DataFrame
+            With the columns `trial`, from 1; `steps`, how long it lasted; and `fallen`.
+
+        Raises
+        ------
+        UprightError
+            If pandas is missing.
+        """
+        return make_frame(trials_of(self.result), ("trial", "steps", "fallen"))
+
+    def plot(self) -> "Figure":
+        """Draw the learning curve: the length of each trial."""
+        from upright.reports.plots import plot_curve  # imported late: it is slow
+
+        spec = self.policy.learned_on
+        title = f"{self._name}, {spec.noise}, seed {self.policy.seed}, run {self.policy.run}"
+        return displayed(plot_curve(self.result.lengths, spec.steps, title))
+
+    @property
+    def _name(self) -> str:
+        return named(self.policy.agent, "Python", self.policy.plant["name"])
+
+    def _repr_html_(self) -> str:
+        spec, lengths = self.policy.learned_on, self.result.lengths
+        cells = {
+            "Agent": self._name,
+            "Noise": spec.noise,
+            "Balanced": "yes" if self.result.success else "no",
+            "Trials": f"{self.result.trials:,}",
+            "Longest trial": f"{int(lengths.max(initial=0)):,} of {spec.steps:,} steps",
+            "All trials": f"{int(lengths.sum()):,} steps",
+            "Time": f"{self.result.seconds:.2f} s",
+        }
+        texts = ("Agent", "Noise", "Balanced")
+        return html_table(list(cells), [list(cells.values())], [], texts)
+
+
+def trials_of(result: Result) -> list[dict[str, Any]]:
+    """Return the trials of a run, each as its number, its length and whether it ended in a fall."""
+    last = result.trials if result.success else 0
+    return [
+        {"trial": number, "steps": steps, "fallen": number != last}
+        for number, steps in enumerate(result.lengths.tolist(), 1)
+    ]
+
+
+def learn(
+    agent: AnyAgent, settings: str = "default", *, seed: int = 0, run: int = 0, **task: Any
+) -> Learned:
+    """Train a new agent until a trial succeeds, and return what it learned.
+
+    Parameters
+    ----------
+    agent
+        Name of an agent in `AGENTS`, or ``module:name`` of a custom one; or a class or function
+        which returns an agent when it is called with the run's random numbers.
+    settings
+        Name of its settings: "default" or "as-published".
+    seed, run
+        These two numbers determine the result on every machine. The run is the one with the same
+        number in a `study` with this seed.
+    **task
+        Parts of the task by name, as `make_case` takes them: `noise`, `start`, `steps`, `trials`,
+        `condition`, `plant` and others.
+
+    Returns
+    -------
+    Learned
+        A pair: the policy, to play, save or export; and the result, with the length of every trial.
+        Its methods `plot` and `frame` show the trials. What an agent in plain Python has learned is
+        `policy.memory`, the agent itself.
+
+    Raises
+    ------
+    UprightError
+        If a name is unknown, a number is not allowed, or the agent cannot work.
+    KeyboardInterrupt
+        If interrupted; the run ends before its next trial.
+
+    Examples
+    --------
+    >>> policy, result = upright.learn("adaptive-lqr", noise="gaussian-0.1", steps=2000)
+    >>> result.success, result.lengths
+    (True, array([2000]))
+
+    A run that fails also returns what was learned:
+
+    >>> policy, result = upright.learn("q-learning", steps=2000, trials=2)
+    >>> result.success
+    False
+    """
+    require("run", run, 0, whole=True)
+    check_study(run + 1, seed)
+    case = make_case(agent, settings, **task)
+    return Learned(*make_learned(case, seed, run))

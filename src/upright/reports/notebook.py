@@ -1,0 +1,69 @@
+"""How results look in a notebook: tables in HTML, frames of pandas, figures that are displayed."""
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from upright.errors import require_module
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+RESOLUTION = 100
+"""Resolution of figures in a notebook [dots per inch]."""
+
+
+def html_table(
+    head: Sequence[str], body: Iterable[Sequence[str]], notes: Iterable[str], texts: Iterable[str]
+) -> str:
+    """Return a table in HTML, escaped.
+
+    Parameters
+    ----------
+    head, body
+        Its cells as text.
+    notes
+        Lines below the table.
+    texts
+        Heads of the columns that hold words, which are aligned to the left; others hold numbers.
+    """
+    words = {*texts}
+    sides = ["left" if name in words else "right" for name in head]
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        drawn = zip(cells, sides, strict=True)
+        return "".join(
+            f'<{tag} style="text-align: {side}">{escape(cell)}</{tag}>' for cell, side in drawn
+        )
+
+    rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
+    below = "".join(f"<div><small>{escape(note)}</small></div>" for note in notes)
+    return f"<table><thead><tr>{line('th', head)}</tr></thead><tbody>{rows}</tbody></table>{below}"
+
+
+def make_frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> "pandas.DataFrame":
+    """Return a pandas DataFrame of rows by name.
+
+    Raises
+    ------
+    UprightError
+        If pandas is missing.
+    """
+    library = require_module("pandas", "frame() needs pandas", "notebook")
+    frame: pandas.DataFrame = library.DataFrame(list(rows), columns=list(columns))
+    return frame
+
+
+def displayed(figure: "Figure") -> "Figure":
+    """Return a figure that a notebook shows as a picture, also if pyplot is not in use."""
+    setattr(figure, "_repr_png_", partial(_png, figure))  # noqa: B010 - not an attribute of Figure
+    return figure
+
+
+def _png(figure: "Figure") -> bytes:
+    output = io.BytesIO()
+    figure.savefig(output, format="png", dpi=RESOLUTION)
+    return output.getvalue()
