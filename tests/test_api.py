@@ -264,7 +264,9 @@ def test_a_policy_that_was_loaded_can_be_saved_again(tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
-@pytest.mark.parametrize("extra", ["video", "gymnasium", "mujoco", "onnx", "ros2", "tune"])
+@pytest.mark.parametrize(
+    "extra", ["video", "gymnasium", "mujoco", "notebook", "onnx", "ros2", "tune"]
+)
 def test_every_extra_has_a_command_that_names_its_libraries(extra):
     project = tomllib.loads((PACKAGE.parents[1] / "pyproject.toml").read_text())["project"]
     wanted = [line.partition(";")[0] for line in project["optional-dependencies"][extra]]

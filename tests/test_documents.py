@@ -6,7 +6,9 @@ What cannot run here is listed below, each with its reason.
 import re
 import shlex
 import shutil
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import pytest
@@ -143,13 +145,14 @@ def python_blocks(page):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", list(filter(python_blocks, PAGES)), ids=lambda page: page.name)
-def test_python_runs(page, folder, capsys):
+def test_python_runs(page, folder, capsys, monkeypatch):
     """The blocks of a page run one after the other, as a reader would enter them."""
-    known = {}
+    main = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", main)
     for block in python_blocks(page):
         code = compile("\n" * (block.line - 1) + block.text, page, "exec")
         if not any(words in block.text for words in PYTHON_NOT_RUN):
-            exec(code, known)
+            exec(code, vars(main))
 
 
 def call(words, monkeypatch):

@@ -247,6 +247,20 @@ class Guess(NamedTuple):
         return bool(self.weights[2] * observation.theta > 0.0)
 
 
+class Plain:
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.gain = 20.0
+
+    def begin_trial(self, rng: np.random.Generator) -> None: ...
+
+    def act(self, observation: State, rng: np.random.Generator) -> bool:
+        return self.gain * observation.theta + 3.0 * observation.theta_dot > 0.0
+
+    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None: ...
+
+    def end_trial(self, fallen: bool) -> None: ...
+
+
 def trials_of(case: Case, runs: int) -> list[int]:
     results: list[Result] = upright.study([case], runs=runs, seed=0)[case]
     return [result.trials for result in results]
@@ -266,6 +280,12 @@ def main() -> None:
         results = upright.study([case], 5, 0, store)
     row = upright.summarise(case, 0, results[case])
     print(upright.render([row], "text").upper(), row.success_rate)
+
+    compared = upright.compare(["reinforce", Plain], "none", runs=2, steps=50, progress=False)
+    print(compared, compared.rows[0].mean_trials, compared.frame().shape)
+    learned: upright.Learned = upright.learn(Plain, steps=50)
+    learned.plot().savefig("curve.png")
+    print(learned.result.trials)
 
     plant = upright.equations(Parameters(half_length=1.0))
     state: State = plant.reset(upright.STARTS["zero"])
