@@ -17,26 +17,17 @@ from upright.errors import UprightError
 from upright.pictures import picture as drawing
 from upright.pictures import text as text_module
 from upright.pictures import video as video_module
-from upright.pictures.picture import (
-    CART,
-    FORCE,
-    GAUGE_X,
-    GHOST,
-    HEIGHT,
-    HINGE_Y,
-    LIMIT,
-    POLE,
-    ROOM_ABOVE,
-    TRACK_Y,
-    WIDTH,
-    picture,
-)
-from upright.pictures.scene import Scene
+from upright.pictures.colours import CART, FALLEN, FORCE, GHOST, LIMIT, PAST, POLE
+from upright.pictures.picture import HEIGHT, ROOM_ABOVE, WIDTH, Layout, picture
+from upright.pictures.scene import History, Scene
+from upright.pictures.size import SIZE, Size, parse_size
 from upright.pictures.text import text_picture
 from upright.pictures.video import write_video
 from upright.pictures.window import Window
 
 NOMINAL = Parameters()
+USUAL = Layout(NOMINAL, SIZE, has_chart=False)
+TRACK_Y, HINGE_Y, GAUGE_X = int(USUAL.track_y), USUAL.hinge_y, USUAL.gauge_x
 
 
 def at(x=0.0, degrees=0.0):
@@ -55,7 +46,11 @@ def places(pixels, colour, top=ROOM_ABOVE - 8):
 
 
 def metres(column, parameters=NOMINAL):
-    return (column - WIDTH / 2) / drawing._scale(parameters)
+    return (column - WIDTH / 2) / scale(parameters)
+
+
+def scale(parameters):
+    return Layout(parameters, SIZE, has_chart=False).metre
 
 
 # ------------------------------------------------------------------------------------- pictures
@@ -99,8 +94,8 @@ def test_the_pole_is_drawn_with_its_length_and_angle(degrees, half_length):
     parameters = NOMINAL._replace(half_length=half_length)
     columns, rows = places(draw(at(0.2, degrees), parameters), POLE)
     far = np.argmax(np.hypot(columns - WIDTH / 2, rows - HINGE_Y))
-    hinge = WIDTH / 2 + 0.2 * drawing._scale(parameters)
-    length = 2 * half_length * drawing._scale(parameters)
+    hinge = WIDTH / 2 + 0.2 * scale(parameters)
+    length = 2 * half_length * scale(parameters)
     lean = math.radians(degrees)
     assert columns[far] == pytest.approx(hinge + length * math.sin(lean), abs=6)
     assert rows[far] == pytest.approx(HINGE_Y - length * math.cos(lean), abs=6)
@@ -122,7 +117,7 @@ def test_track_and_pole_fit_into_the_picture(position_limit, half_length):
     parameters = NOMINAL._replace(position_limit=position_limit, half_length=half_length)
     pixels = draw(UPRIGHT, parameters)
     columns, _ = places(pixels, LIMIT)
-    limit = position_limit * drawing._scale(parameters)
+    limit = position_limit * scale(parameters)
     assert columns.min() == pytest.approx(WIDTH / 2 - limit, abs=4)
     assert columns.max() == pytest.approx(WIDTH / 2 + limit, abs=4)
     _, rows = places(pixels, POLE, top=0)
@@ -155,6 +150,132 @@ def test_an_arrow_shows_the_force():
     stronger = places(draw(force=15.0), FORCE)[0]
     assert np.ptp(stronger) == pytest.approx(1.5 * np.ptp(right), rel=0.1)
     assert len(places(draw(force=0.01), FORCE)[0]) > 0
+
+
+@pytest.mark.parametrize("size", [Size(320, 176), Size(960, 528), Size(1280, 704)])
+def test_a_picture_of_another_size_is_the_same_drawing(size):
+    scene = Scene(at(0.5, 3), at(0.5, 5), 10.0, "q-learning · trial 2", "step 3 · 0.1 s", "fallen")
+    scene = scene._replace(history=History(np.array([10, 500]), 3, 1000), last_fall=at(-1, -12))
+    usual, other = (Image.fromarray(picture(NOMINAL, scene, each)) for each in (SIZE, size))
+    assert other.size == size
+    shrunk = [
+        np.asarray(each.resize((160, 88), Image.Resampling.BOX), int) for each in (usual, other)
+    ]
+    assert np.abs(shrunk[0] - shrunk[1]).mean() < 1.5
+
+
+def test_a_larger_picture_is_drawn_sharply_not_enlarged():
+    large = picture(NOMINAL, Scene(at(0, 7)), Size(1920, 1056)).astype(int)
+    row = large[700]  # across the pole
+    edge = (np.abs(row - row[0]).sum(axis=1) > 0) & (places_of(large, POLE)[700] == 0)
+    inside = places_of(large, POLE)[700].sum()
+    assert inside == pytest.approx(8 * 3 / math.cos(math.radians(7)), abs=2)
+    near = np.flatnonzero(places_of(large, POLE)[700])
+    assert edge[near[0] - 3 : near[0]].sum() <= 3
+
+
+def places_of(pixels, colour):
+    wanted = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return (np.abs(pixels - wanted) <= 3).all(axis=2)
+
+
+@pytest.mark.parametrize("size", [Size(1280, 352), Size(640, 700), Size(400, 1000)])
+@pytest.mark.parametrize("has_chart", [True, False])
+def test_everything_is_inside_pictures_of_other_proportions(size, has_chart):
+    layout = Layout(NOMINAL, size, has_chart)
+    hinge = layout.hinge(UPRIGHT)
+    assert layout.tip(hinge, 0.0)[1] >= ROOM_ABOVE - 1e-9
+    assert layout.hinge(at(2.4))[0] < layout.width
+    history = History(np.array([3, 40]), 5, 100) if has_chart else None
+    pixels = picture(NOMINAL, Scene(UPRIGHT, history=history, caption="a", note="b"), size)
+    assert pixels.shape == (size.height, size.width, 3)
+    assert places_of(pixels.astype(int), POLE).any()
+
+
+def chart(lengths, present=0, ending=""):
+    history = History(np.array(lengths, np.int64), present, 1000)
+    pixels = draw(history=history, ending=ending).astype(int)[HEIGHT - 72 : HEIGHT - 29, 24:]
+    return [places_of(pixels, colour) for colour in (PAST, POLE, FORCE, LIMIT)]
+
+
+def test_the_chart_has_a_bar_for_every_trial_on_a_logarithmic_scale():
+    past, now, _, _ = chart([9, 99, 999], 99)
+    heights = [past[:, column].sum() for column in (4, 20, 36)]
+    assert heights[1] - heights[0] == pytest.approx(heights[2] - heights[1], abs=2)
+    assert heights[0] > 5
+    assert now[:, 52].sum() == heights[1]
+    assert not past[:, 47:].any()
+    assert not any(colour.any() for colour in chart([]))
+
+
+@pytest.mark.parametrize(("ending", "which"), [("", 1), ("balanced", 2), ("fallen", 3)])
+def test_the_last_bar_tells_how_the_trial_ended(ending, which):
+    bars = [colour[:, 20].sum() > 0 for colour in chart([9], 500, ending)]
+    assert bars == [each == which for each in range(4)]
+
+
+def test_many_trials_share_bars_and_the_longest_is_seen():
+    lengths = [10] * 5000
+    lengths[2500] = 1000
+    past = chart(lengths)[0]
+    heights = past.sum(axis=0)
+    assert (heights > 0).sum() > 450
+    tallest = heights.max()
+    assert tallest > 2 * np.median(heights[heights > 0])
+    assert (heights == tallest).sum() <= 3
+
+
+def test_the_last_fall_is_drawn_behind():
+    columns, _ = places(draw(at(1), last_fall=at(-1, -12)), FALLEN)
+    assert metres(columns.min()) < -1.2
+    assert (metres(columns) < -0.5).mean() > 0.99  # the rest are smoothed edges
+    assert len(places(draw(at(1)), FALLEN)[0]) == 0
+    assert len(places(draw(at(1), last_fall=at(math.nan)), FALLEN)[0]) == 0
+
+
+@pytest.mark.parametrize("ending", ["fallen", "balanced"])
+def test_a_picture_says_how_the_trial_ended(ending):
+    colour = {"fallen": LIMIT, "balanced": FORCE}[ending]
+    _, rows = places(draw(ending=ending, detail="step 9"), colour, top=0)
+    assert (rows < ROOM_ABOVE - 8).sum() > 300
+
+
+def test_a_long_title_leaves_the_gauge_alone():
+    def gauge(caption):
+        return draw(caption=caption)[:ROOM_ABOVE, int(GAUGE_X) - 110 :]
+
+    long = "a_module_with_a_long_name.and_another:ClassWithALongName · trial 1,000"
+    np.testing.assert_array_equal(gauge(long), gauge(""))
+    assert (draw(caption=long) != draw(caption=long[:-1] + "1")).any()  # its end is what changes
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("640", (640, 352)),
+        ("1280", (1280, 704)),
+        ("1920", (1920, 1056)),
+        ("1000", (1000, 544)),
+        ("1280x720", (1280, 720)),
+        (" 800 X 600 ", (800, 600)),
+        ("320x176", (320, 176)),
+        ("3840x2160", (3840, 2160)),
+    ],
+)
+def test_a_size_is_a_width_or_a_width_and_a_height(text, size):
+    assert parse_size(text) == size
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "big", "0", "-640", "318", "3842", "641", "640x353", "640x", "x352", "640x100", "1e3"]
+    + ["640x352x2", "99999999999", "640.0", "640x3842", "٦٤٠"],
+)
+def test_what_is_not_a_size_is_refused(text):
+    with pytest.raises(UprightError) as refused:
+        parse_size(text)
+    assert repr(text) in str(refused.value)
+    assert "WIDTHxHEIGHT" in str(refused.value)
 
 
 BEYOND = [at(3, 110), at(-50, -400), at(1e300, 1e300), State(0, math.inf, 0, 0), at(math.nan)]
@@ -287,6 +408,25 @@ def test_frames_are_written_as_they_arrive(tmp_path):
     write_video(tmp_path / "film.mp4", watched(), 50)
 
 
+@pytest.mark.parametrize("ending", [".mp4", ".gif"])
+def test_a_video_may_have_another_size(ending, tmp_path):
+    path = (tmp_path / "film").with_suffix(ending)
+    size = Size(850, 470)  # no multiples of 16
+    write_video(path, [picture(NOMINAL, Scene(at(1, 5)), size)] * 3, 50, size)
+    reader = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "null", "-"]
+    assert "850x470" in subprocess.run(reader, capture_output=True, text=True).stderr
+
+
+def test_colours_that_appear_late_are_in_a_gif(tmp_path):
+    path = tmp_path / "film.gif"
+    late = draw(at(1), ending="fallen", last_fall=at(-1, 12), history=History(np.array([9]), 9, 99))
+    write_video(path, [*frames(150), late], 50)
+    with Image.open(path) as film:
+        film.seek(film.n_frames - 1)
+        assert np.abs(np.asarray(film.convert("RGB"), int) - late).max() < 70
+        assert np.abs(np.asarray(film.convert("RGB"), int) - late).mean() < 1
+
+
 def breaks(error):
     yield from frames(5)
     raise error
@@ -387,6 +527,36 @@ def test_a_window_is_closed_by_its_user(event, window):
     another.show(draw())
     assert another.is_open
     another.close()
+
+
+def test_keys_ask_for_a_speed_a_pause_and_a_step(window):
+    for key, text in (
+        (pygame.K_PLUS, "+"),
+        (pygame.K_EQUALS, "="),
+        (pygame.K_KP_MINUS, "-"),
+        (pygame.K_SPACE, " "),
+        (pygame.K_RIGHT, ""),
+        (pygame.K_n, "n"),
+        (pygame.K_x, "x"),
+        (pygame.K_UP, ""),
+        (pygame.K_DOWN, ""),
+    ):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, unicode=text))
+    asked = ["faster", "faster", "slower", "pause", "step", "step", "faster", "slower"]
+    assert window.commands() == asked
+    assert window.commands() == []
+
+
+def test_a_window_may_have_another_size(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Window("upright", 0, Size(1280, 720), resizable=True)
+    assert window.size == (1280, 720)
+    pixels = picture(NOMINAL, Scene(at(1, 5)), window.size)
+    window.draw(pixels)
+    shown = pygame.surfarray.array3d(window._window.get_surface()).swapaxes(0, 1)
+    np.testing.assert_array_equal(shown, pixels)
+    window.close()
+    assert window.size == (1280, 720)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")

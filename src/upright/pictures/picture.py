@@ -3,47 +3,119 @@
 Positions and the pole's length are drawn to one scale, which fits the track and the upright pole
 into the picture; the cart has a fixed size. A pale second pole shows what the agent measured. Noise
 is too small to be visible there, so the gauge at the top shows both angles enlarged.
+
+A picture is laid out in units, which are pixels at the usual size. At other sizes the whole drawing
+is scaled, its fonts and lines included; where the proportions differ, the track gets longer or the
+room above the pole higher.
 """
 
 import math
-import os
-from collections.abc import Sequence
 from functools import lru_cache
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from upright.core.parameters import Parameters, State
-from upright.errors import UprightError, require_module
+from upright.pictures.canvas import Canvas, Point, load_pygame
+from upright.pictures.chart import CHART_ROOM, draw_chart
+from upright.pictures.colours import (
+    CART,
+    FAINT,
+    FALLEN,
+    FORCE,
+    GHOST,
+    INK,
+    LIMIT,
+    LIMIT_FAINT,
+    MUTED,
+    PAPER,
+    POLE,
+    TRACK,
+)
 from upright.pictures.scene import NOT_FINITE, Scene
+from upright.pictures.size import SIZE, Size
 
-if TYPE_CHECKING:
-    import pygame
+WIDTH, HEIGHT = SIZE
+"""The usual size of a picture [pixels]."""
 
-WIDTH, HEIGHT = 640, 352
-"""Size of a picture [pixels]; multiples of 16, which video codecs prefer."""
-PAPER, INK, FAINT = "#ffffff", "#3d4654", "#dde2e9"
-LIMIT, LIMIT_FAINT = "#b02a5b", "#f3dbe4"
-CART, POLE, GHOST, FORCE = "#1f6fb4", "#d1701f", "#f1c8a5", "#2a8f4f"
-
-FINER = 2
-"""Pictures are drawn this many times larger and then shrunk, which smooths all edges."""
-TRACK_Y, HINGE_Y = 284, 246
-"""Heights of the track's surface and of the hinge, measured from the top [pixels]."""
-MARGIN, ROOM_ABOVE = 70, 66
-"""Margins beside the position limits, and above the upright pole [pixels]."""
+MARGIN, ROOM_ABOVE, ROOM_BELOW = 70, 66, 68
+"""Room beside the position limits, above the upright pole, and below the track."""
+EDGE = 24
+"""Room beside text."""
+TITLE_Y, DETAIL_Y, NOTE_Y = 26, 47, 13
+"""Heights of the title and the line below it, from the top; of the last line, from the bottom."""
+HINGE_RISE = 38
+"""Height of the hinge above the track."""
 CART_WIDTH, CART_HEIGHT, WHEEL = 64, 26, 7
 POLE_WIDTH = 8
 ARROW = 46
-"""Length of the arrow that shows the plant's usual push [pixels]."""
-GAUGE_X, GAUGE_Y, GAUGE_HALF = 500, 28, 100
-"""The gauge: its middle, its height, and half its length, which is the angle limit [pixels]."""
-
-Point = tuple[float, float]
+"""Length of the arrow that shows the plant's usual push."""
+GAUGE_RIGHT, GAUGE_Y, GAUGE_HALF = 140, 28, 100
+"""The gauge: its middle, from the right, its height, and half its length, the angle limit."""
 
 
-def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
+class Layout(NamedTuple):
+    """Where things are in a picture [units]."""
+
+    parameters: Parameters
+    size: Size
+    has_chart: bool
+    """Whether there is a strip chart at the bottom."""
+
+    @property
+    def unit(self) -> float:
+        """Size of a unit [pixels]."""
+        return min(self.size.width / WIDTH, self.size.height / HEIGHT)
+
+    @property
+    def width(self) -> float:
+        """Width of the picture."""
+        return self.size.width / self.unit
+
+    @property
+    def height(self) -> float:
+        """Height of the picture."""
+        return self.size.height / self.unit
+
+    @property
+    def track_y(self) -> float:
+        """Height of the track's surface, from the top."""
+        return self.height - ROOM_BELOW - (CHART_ROOM if self.has_chart else 0)
+
+    @property
+    def hinge_y(self) -> float:
+        """Height of the hinge, from the top."""
+        return self.track_y - HINGE_RISE
+
+    @property
+    def gauge_x(self) -> float:
+        """Middle of the gauge."""
+        return self.width - GAUGE_RIGHT
+
+    @property
+    def metre(self) -> float:
+        """Length of a metre."""
+        return min(
+            (self.width / 2 - MARGIN) / self.parameters.position_limit,
+            (self.hinge_y - ROOM_ABOVE) / (2 * self.parameters.half_length),
+        )
+
+    @property
+    def pole(self) -> float:
+        """Length of the pole."""
+        return 2 * self.parameters.half_length * self.metre
+
+    def hinge(self, state: State) -> Point:
+        """Return the place of the hinge; that of a cart beyond the picture is at its edge."""
+        x = self.width / 2 + state.x * self.metre
+        return max(0.0, min(x, self.width)), self.hinge_y
+
+    def tip(self, hinge: Point, angle: float) -> Point:
+        """Return the upper end of a pole that leans by `angle` [rad]."""
+        return hinge[0] + self.pole * math.sin(angle), hinge[1] - self.pole * math.cos(angle)
+
+
+def picture(parameters: Parameters, scene: Scene, size: Size = SIZE) -> np.ndarray:
     """Return the picture of a scene. It needs no display.
 
     Parameters
@@ -53,121 +125,55 @@ def picture(parameters: Parameters, scene: Scene) -> np.ndarray:
     scene
         What is shown. A state that is not finite is replaced by a message. A cart that is outside
         the picture is drawn at its edge.
+    size
+        Size of the picture.
 
     Returns
     -------
     np.ndarray
-        Shape (HEIGHT, WIDTH, 3), uint8: red, green and blue, row by row from the top.
+        Shape (height, width, 3), uint8: red, green and blue, row by row from the top.
 
     Raises
     ------
     UprightError
         If pygame-ce is missing.
     """
-    pygame = _pygame()
-    canvas = _Canvas(pygame, _backdrop(parameters).copy())
-    canvas.write(scene.caption, (24, GAUGE_Y), 24, align=0)
+    load_pygame()  # raises if it is missing, even if no new letter is needed
+    layout = Layout(parameters, size, scene.history is not None)
+    canvas = Canvas(_backdrop(layout).copy(), layout.unit)
+    if scene.history is not None:
+        draw_chart(canvas, scene.history, layout.width, layout.height, scene.ending)
     if scene.is_finite:
-        _draw_world(canvas, parameters, scene)
-        _draw_gauge(canvas, parameters, scene)
+        _draw_world(canvas, layout, scene)
+        _draw_gauge(canvas, layout, scene)
     else:
-        canvas.write(NOT_FINITE, (WIDTH / 2, HEIGHT / 2), 28)
-    shrunk = pygame.transform.smoothscale(canvas.surface, (WIDTH, HEIGHT))
-    pixels = np.frombuffer(pygame.image.tobytes(shrunk, "RGB"), np.uint8)
-    return pixels.reshape(HEIGHT, WIDTH, 3).copy()
+        middle = layout.width / 2, layout.hinge_y - layout.pole / 2
+        canvas.write(NOT_FINITE, middle, 18, INK, align=0.5)
+    _write_lines(canvas, layout, scene)
+    return canvas.pixels
 
 
-def _pygame() -> ModuleType:
-    """Return pygame, without its greeting and with its fonts ready, which is enough off screen."""
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    pygame: ModuleType = require_module("pygame", "drawing needs pygame-ce", "video")
-    if not getattr(pygame, "IS_CE", False):
-        raise UprightError(
-            "drawing needs pygame-ce, but pygame is installed; uninstall pygame first"
-        )
-    pygame.font.init()
-    return pygame
-
-
-class _Canvas:
-    """A surface FINER times larger than the picture, with coordinates in the picture's pixels."""
-
-    def __init__(self, pygame: ModuleType, surface: "pygame.Surface") -> None:
-        self.pygame, self.surface = pygame, surface
-
-    def polygon(self, colour: str, points: Sequence[Point]) -> None:
-        fine = [(FINER * x, FINER * y) for x, y in points]
-        self.pygame.draw.polygon(self.surface, colour, fine)
-
-    def disc(self, colour: str, centre: Point, radius: float) -> None:
-        fine = (FINER * centre[0], FINER * centre[1])
-        self.pygame.draw.circle(self.surface, colour, fine, FINER * radius)
-
-    def box(self, colour: str, middle: Point, width: float, height: float, round_: float) -> None:
-        left, top = middle[0] - width / 2, middle[1] - height / 2
-        fine = [FINER * size for size in (left, top, width, height)]
-        self.pygame.draw.rect(self.surface, colour, fine, border_radius=round(FINER * round_))
-
-    def rod(self, colour: str, start: Point, end: Point, width: float) -> None:
-        """Draw a thick line with rounded ends."""
-        length = math.dist(start, end) or 1.0
-        across = (end[1] - start[1]) * width / 2 / length, (start[0] - end[0]) * width / 2 / length
-        corners = [
-            (point[0] + side * across[0], point[1] + side * across[1])
-            for point, side in ((start, 1), (end, 1), (end, -1), (start, -1))
-        ]
-        self.polygon(colour, corners)
-        self.disc(colour, start, width / 2)
-        self.disc(colour, end, width / 2)
-
-    def write(self, text: str, place: Point, size: int, align: float = 0.5) -> None:
-        """Write a line of text with the fraction `align` of its width to the left of `place`."""
-        letters = [_letter(letter, FINER * size) for letter in text]
-        x = FINER * place[0] - align * sum(letter.get_width() for letter in letters)
-        for letter in letters:
-            self.surface.blit(letter, (x, FINER * place[1] - letter.get_height() / 2))
-            x += letter.get_width()
-
-
-@lru_cache(256)
-def _letter(letter: str, size: int) -> "pygame.Surface":
-    """Return a letter in pygame's own font.
-
-    Letters are cached, not the font: loading the font for each picture would double the time that a
-    picture takes, and a font becomes invalid when another part of the program quits pygame.
-    """
-    return _pygame().font.Font(None, size).render(letter, True, INK)  # type: ignore[no-any-return]
-
-
-def _scale(parameters: Parameters) -> float:
-    """Return the scale [pixels/m]."""
-    return min(
-        (WIDTH / 2 - MARGIN) / parameters.position_limit,
-        (HINGE_Y - ROOM_ABOVE) / (2 * parameters.half_length),
-    )
-
-
-@lru_cache(16)
-def _backdrop(parameters: Parameters) -> "pygame.Surface":
+@lru_cache(8)
+def _backdrop(layout: Layout) -> np.ndarray:
     """Return what never moves: the track with its limits and metres, and the gauge's scale."""
-    pygame = _pygame()
-    canvas = _Canvas(pygame, pygame.Surface((FINER * WIDTH, FINER * HEIGHT), depth=32))
-    canvas.surface.fill(PAPER)
-    scale, limit = _scale(parameters), parameters.position_limit
-    canvas.rod(FAINT, (0, TRACK_Y + 2), (WIDTH, TRACK_Y + 2), 4)
-    left, right = WIDTH / 2 - limit * scale, WIDTH / 2 + limit * scale
-    canvas.rod(INK, (left, TRACK_Y + 2), (right, TRACK_Y + 2), 4)
-    for x in (left, right):
-        canvas.rod(LIMIT, (x, TRACK_Y - 12), (x, TRACK_Y + 2), 5)
-    step = _tick(60 / scale)
-    count = math.floor((WIDTH / 2 - 10) / scale / step)
+    pixels = np.empty((layout.size.height, layout.size.width, 3), np.uint8)
+    pixels[:] = [int(PAPER[i : i + 2], 16) for i in (1, 3, 5)]
+    canvas = Canvas(pixels, layout.unit)
+    middle, limit = layout.width / 2, layout.parameters.position_limit * layout.metre
+    y = layout.track_y + 2
+    canvas.rod(FAINT, (0, y), (layout.width, y), 4)
+    canvas.rod(TRACK, (middle - limit, y), (middle + limit, y), 4)
+    for x in (middle - limit, middle + limit):
+        canvas.rod(LIMIT, (x, y - 16), (x, y), 5)
+    step = _tick(60 / layout.metre)
+    count = math.floor((middle - 10) / layout.metre / step)
     for number in range(-count, count + 1):
-        x = WIDTH / 2 + number * step * scale
-        canvas.rod(INK, (x, TRACK_Y + 10), (x, TRACK_Y + 16), 1.5)
-        unit = " m" if number == 0 else ""
-        canvas.write(f"{number * step:g}{unit}".replace("-", "−"), (x, TRACK_Y + 30), 19)
-    _draw_gauge_scale(canvas, parameters)
-    return canvas.surface
+        x = middle + number * step * layout.metre
+        canvas.rod(MUTED, (x, y + 7), (x, y + 11), 1.2)
+        label = f"{number * step:g}".replace("-", "−") + (" m" if number == 0 else "")
+        canvas.write(label, (x, y + 21), 11, MUTED, align=0.5)
+    _draw_gauge_scale(canvas, layout)
+    return pixels
 
 
 def _tick(at_least: float) -> float:
@@ -176,60 +182,72 @@ def _tick(at_least: float) -> float:
     return next(power * factor for factor in (1, 2, 5, 10) if power * factor >= at_least)
 
 
-def _draw_gauge_scale(canvas: _Canvas, parameters: Parameters) -> None:
-    ends = (GAUGE_X - GAUGE_HALF, GAUGE_Y), (GAUGE_X + GAUGE_HALF, GAUGE_Y)
-    canvas.rod(FAINT, *ends, 4)
-    degrees = math.degrees(parameters.angle_limit)
-    for part, colour in ((-1, LIMIT), (0, INK), (1, LIMIT)):
-        x = GAUGE_X + part * GAUGE_HALF
+def _draw_gauge_scale(canvas: Canvas, layout: Layout) -> None:
+    middle = layout.gauge_x
+    canvas.rod(FAINT, (middle - GAUGE_HALF, GAUGE_Y), (middle + GAUGE_HALF, GAUGE_Y), 4)
+    degrees = math.degrees(layout.parameters.angle_limit)
+    for part, colour in ((-1, LIMIT), (0, MUTED), (1, LIMIT)):
+        x = middle + part * GAUGE_HALF
         canvas.rod(colour, (x, GAUGE_Y - 4), (x, GAUGE_Y + 4), 2)
-        canvas.write(f"{part * degrees:.3g}°".replace("-", "−"), (x, GAUGE_Y + 24), 19)
+        label = f"{part * degrees:.3g}°".replace("-", "−")
+        canvas.write(label, (x, GAUGE_Y + 20), 11, MUTED, align=0.5)
 
 
-def _draw_gauge(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
+def _draw_gauge(canvas: Canvas, layout: Layout, scene: Scene) -> None:
     """Mark the true angle above the scale, and the one that the agent measured below it."""
     for state, colour, rise in ((scene.state, POLE, -14), (scene.mismeasured, GHOST, 14)):
         if state is not None:
-            part = state.theta / parameters.angle_limit
-            x = GAUGE_X + GAUGE_HALF * max(-1.15, min(part, 1.15))
+            part = state.theta / layout.parameters.angle_limit
+            x = layout.gauge_x + GAUGE_HALF * max(-1.15, min(part, 1.15))
             base = GAUGE_Y + rise
             canvas.polygon(colour, [(x, GAUGE_Y), (x - 6, base), (x + 6, base)])
 
 
-def _draw_world(canvas: _Canvas, parameters: Parameters, scene: Scene) -> None:
-    """Draw the angle limits, the cart, the measured pole, the true pole, and the push."""
-    hinge = _hinge(parameters, scene.state)
-    for side in (-1, 1):
-        end = _tip(parameters, hinge, side * parameters.angle_limit)
-        canvas.rod(LIMIT_FAINT, hinge, end, 2)
+def _draw_world(canvas: Canvas, layout: Layout, scene: Scene) -> None:
+    """Draw the last fall, the angle limits, the cart, the measured pole, the pole, and the push."""
+    hinge = layout.hinge(scene.state)
+    _draw_wedge(canvas, layout, hinge)
+    if scene.last_fall is not None and all(map(math.isfinite, scene.last_fall)):
+        _draw_last_fall(canvas, layout, scene.last_fall)
     x = hinge[0]
     for wheel in (x - 0.3 * CART_WIDTH, x + 0.3 * CART_WIDTH):
-        canvas.disc(INK, (wheel, TRACK_Y - WHEEL), WHEEL)
-        canvas.disc(FAINT, (wheel, TRACK_Y - WHEEL), WHEEL / 3)
-    middle = HINGE_Y + CART_HEIGHT / 2 - 4
-    canvas.box(CART, (x, middle), CART_WIDTH, CART_HEIGHT, 6)
+        canvas.disc(INK, (wheel, layout.track_y - WHEEL), WHEEL)
+        canvas.disc(FAINT, (wheel, layout.track_y - WHEEL), WHEEL / 3)
+    middle = x, layout.hinge_y + CART_HEIGHT / 2 - 4
+    canvas.box(CART, middle, CART_WIDTH, CART_HEIGHT, 6)
     if scene.mismeasured is not None:
-        measured = _hinge(parameters, scene.mismeasured)
-        tip = _tip(parameters, measured, scene.mismeasured.theta)
+        measured = layout.hinge(scene.mismeasured)
+        tip = layout.tip(measured, scene.mismeasured.theta)
         canvas.rod(GHOST, measured, tip, POLE_WIDTH)
-    canvas.rod(POLE, hinge, _tip(parameters, hinge, scene.state.theta), POLE_WIDTH)
+    canvas.rod(POLE, hinge, layout.tip(hinge, scene.state.theta), POLE_WIDTH)
     canvas.disc(INK, hinge, 0.7 * POLE_WIDTH)
     canvas.disc(PAPER, hinge, 0.25 * POLE_WIDTH)
-    _draw_force(canvas, (x, middle), scene.force / parameters.force)
+    _draw_force(canvas, middle, scene.force / layout.parameters.force)
 
 
-def _hinge(parameters: Parameters, state: State) -> Point:
-    x = WIDTH / 2 + state.x * _scale(parameters)
-    return max(0.0, min(x, float(WIDTH))), HINGE_Y
+def _draw_wedge(canvas: Canvas, layout: Layout, hinge: Point) -> None:
+    """Draw the wedge between the angle limits, in which the pole has to stay."""
+    limit, reach = layout.parameters.angle_limit, layout.pole + 8
+    if limit < math.pi / 2:
+        canvas.wedge(LIMIT_FAINT, hinge, reach, limit, 0.5)
+    for side in (-1, 1):
+        end = (
+            hinge[0] + side * reach * math.sin(limit),
+            hinge[1] - reach * math.cos(limit),
+        )
+        canvas.rod(LIMIT_FAINT, hinge, end, 1.6)
 
 
-def _tip(parameters: Parameters, hinge: Point, angle: float) -> Point:
-    """Return the upper end of a pole that leans by `angle` [rad]."""
-    length = 2 * parameters.half_length * _scale(parameters)
-    return hinge[0] + length * math.sin(angle), hinge[1] - length * math.cos(angle)
+def _draw_last_fall(canvas: Canvas, layout: Layout, state: State) -> None:
+    hinge = layout.hinge(state)
+    middle = hinge[0], layout.hinge_y + CART_HEIGHT / 2 - 4
+    canvas.box(FALLEN, middle, CART_WIDTH, CART_HEIGHT, 6)
+    for wheel in (hinge[0] - 0.3 * CART_WIDTH, hinge[0] + 0.3 * CART_WIDTH):
+        canvas.disc(FALLEN, (wheel, layout.track_y - WHEEL), WHEEL)
+    canvas.rod(FALLEN, hinge, layout.tip(hinge, state.theta), POLE_WIDTH)
 
 
-def _draw_force(canvas: _Canvas, middle: Point, part: float) -> None:
+def _draw_force(canvas: Canvas, middle: Point, part: float) -> None:
     """Draw an arrow from the cart's side; `part` is the force in units of the usual push."""
     if part == 0.0:
         return
@@ -239,3 +257,31 @@ def _draw_force(canvas: _Canvas, middle: Point, part: float) -> None:
     if length > 10:
         canvas.rod(FORCE, (start, y), (neck, y), 4)
     canvas.polygon(FORCE, [(neck, y - 7), (neck, y + 7), (neck + side * 12, y)])
+
+
+def _write_lines(canvas: Canvas, layout: Layout, scene: Scene) -> None:
+    """Write the title, what is below it, and the line at the bottom."""
+    room = layout.gauge_x - GAUGE_HALF - 2 * EDGE
+    title = _shortened(canvas, scene.caption, 16, room)
+    canvas.write(title, (EDGE, TITLE_Y), 16, INK, bold=True)
+    end = canvas.write(scene.detail, (EDGE, DETAIL_Y), 12, MUTED)
+    if scene.ending:
+        colour = FORCE if scene.ending == "balanced" else LIMIT
+        start = end + 10 if scene.detail else EDGE
+        width = canvas.width_of(scene.ending, 11, bold=True) + 14
+        canvas.box(colour, (start + width / 2, DETAIL_Y), width, 17, 8.5)
+        middle = start + width / 2, DETAIL_Y
+        canvas.write(scene.ending, middle, 11, PAPER, align=0.5, bold=True)
+    y = layout.height - NOTE_Y
+    canvas.write(scene.note, (EDGE, y), 11, INK, bold=True)
+    canvas.write(scene.hint, (layout.width - EDGE, y), 11, MUTED, align=1)
+
+
+def _shortened(canvas: Canvas, text: str, size: float, room: float) -> str:
+    """Return a bold line of text, with its beginning left out if there is no room for all of it.
+
+    The end of a title is what changes: the number of the trial.
+    """
+    while len(text) > 2 and canvas.width_of(text, size, bold=True) > room:
+        text = f"…{text[2:]}" if text.startswith("…") else f"…{text[1:]}"
+    return text

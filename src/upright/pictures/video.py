@@ -2,20 +2,21 @@
 
 import subprocess
 from collections.abc import Iterable
+from itertools import combinations
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 
 import numpy as np
 
 from upright.errors import UprightError, missing, require_one_of
-from upright.pictures.picture import HEIGHT, WIDTH, _pygame
+from upright.pictures import colours
+from upright.pictures.canvas import load_pygame
+from upright.pictures.size import SIZE, Size
 from upright.support.files import check_output, replacing
 
 FORMATS = {
     ".mp4": "-c:v libx264 -crf 18 -preset veryfast -pix_fmt yuv420p -movflags +faststart",
-    # The palette is that of the first pictures, because the rest would have to wait in memory.
-    ".gif": "-vf split[a][b];[a]trim=end_frame=100,palettegen=max_colors=48[palette];"
-    "[b][palette]paletteuse=dither=none:diff_mode=rectangle -loop 0",
+    ".gif": "-lavfi paletteuse=dither=none:diff_mode=rectangle -loop 0",
 }
 """Endings of video files, and FFmpeg's options for each."""
 
@@ -29,7 +30,7 @@ def check_video(path: Path | str) -> Path:
         If its ending is not one of the FORMATS, it cannot be written, or a library is missing.
     """
     require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, FORMATS)
-    _pygame()
+    load_pygame()
     _ffmpeg()
     return check_output(path)
 
@@ -44,7 +45,12 @@ def _ffmpeg() -> str:
         raise missing("videos need imageio-ffmpeg", "video") from None
 
 
-def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_second: float) -> None:
+def write_video(
+    path: Path | str,
+    frames: Iterable[np.ndarray],
+    frames_per_second: float,
+    size: Size = SIZE,
+) -> None:
     """Write a video, encoding each picture as it arrives. A GIF repeats for ever.
 
     The file is complete or not written at all, whatever happens meanwhile.
@@ -57,6 +63,8 @@ def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_secon
         Pictures as `picture` returns them.
     frames_per_second
         Rate at which they are shown. A GIF rounds delays to hundredths of a second.
+    size
+        Size of all pictures.
 
     Raises
     ------
@@ -64,15 +72,21 @@ def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_secon
         As for `check_video`; if there are no pictures; or if writing fails.
     """
     path = check_video(path)
-    source = f"-f rawvideo -pix_fmt rgb24 -s {WIDTH}x{HEIGHT} -r {frames_per_second} -i -"
-    command = [_ffmpeg(), "-v", "error", "-y", *source.split(), *FORMATS[path.suffix].split()]
-    with replacing(path) as part, TemporaryFile() as errors:
+    source = f"-f rawvideo -pix_fmt rgb24 -s {size} -r {frames_per_second} -i -"
+    with replacing(path) as part, TemporaryFile() as errors, TemporaryDirectory() as folder:
+        command = [_ffmpeg(), "-v", "error", "-y", *source.split()]
+        if path.suffix == ".gif":
+            palette = Path(folder, "palette")
+            palette.write_bytes(_palette())
+            source = "-f rawvideo -pix_fmt rgb24 -s 16x16 -i"
+            command += [*source.split(), str(palette)]
+        command += [*FORMATS[path.suffix].split(), str(part)]
         # FFmpeg gets a session of its own so that Ctrl-C reaches only this program, which kills it.
         with subprocess.Popen(
-            [*command, str(part)], stdin=subprocess.PIPE, stderr=errors, start_new_session=True
+            command, stdin=subprocess.PIPE, stderr=errors, start_new_session=True
         ) as writer:
             try:
-                count = _send(frames, writer)
+                count = _send(frames, writer, size)
                 writer.communicate()
             except BaseException:
                 writer.kill()
@@ -85,13 +99,14 @@ def write_video(path: Path | str, frames: Iterable[np.ndarray], frames_per_secon
             raise UprightError(f"output is {str(path)!r}; it cannot be written: {why}")
 
 
-def _send(frames: Iterable[np.ndarray], writer: "subprocess.Popen[bytes]") -> int:
+def _send(frames: Iterable[np.ndarray], writer: "subprocess.Popen[bytes]", size: Size) -> int:
     """Send pictures to FFmpeg and return how many; stop if FFmpeg exits early."""
     count = 0
     assert writer.stdin is not None
+    shape = (size.height, size.width, 3)
     for frame in frames:
-        if frame.shape != (HEIGHT, WIDTH, 3) or frame.dtype != np.uint8:
-            allowed = f"it must be ({HEIGHT}, {WIDTH}, 3), uint8"
+        if frame.shape != shape or frame.dtype != np.uint8:
+            allowed = f"it must be {shape}, uint8"
             raise UprightError(f"shape of a picture is {frame.shape}, {frame.dtype}; {allowed}")
         count += 1
         try:
@@ -99,3 +114,15 @@ def _send(frames: Iterable[np.ndarray], writer: "subprocess.Popen[bytes]") -> in
         except BrokenPipeError:
             break
     return count
+
+
+def _palette() -> bytes:
+    """Return the 256 colours of a GIF: those of pictures and blends of any two, as at edges."""
+    plain = [colour for name, colour in vars(colours).items() if name.isupper()]
+    rgb = np.array([[int(each[i : i + 2], 16) for i in (1, 3, 5)] for each in plain], float)
+    shades = [(1 - part) * rgb[0] + part * ink for ink in rgb[1:] for part in (0.25, 0.5, 0.75)]
+    blends = [(a + b) / 2 for a, b in combinations(rgb[1:], 2)]
+    table = np.zeros((256, 3), np.uint8)
+    found = np.array([*rgb, *shades, *blends])[:256]
+    table[: len(found)] = found.round()
+    return table.tobytes()

@@ -1,24 +1,37 @@
-"""A window that shows pictures in real time."""
+"""A window that shows pictures, and tells which keys were pressed."""
 
 import os
 import sys
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from upright.errors import UprightError
-from upright.pictures.picture import HEIGHT, WIDTH, _pygame
+from upright.pictures.canvas import load_pygame
+from upright.pictures.size import SIZE, Size
+
+CHARACTERS = {"+": "faster", "=": "faster", "-": "slower", " ": "pause", "n": "step"}
+"""What the keys ask for that have characters; + and = are one key on many keyboards."""
+KEYS = {"K_UP": "faster", "K_DOWN": "slower", "K_SPACE": "pause", "K_RIGHT": "step"}
+"""What other keys ask for, by their names in pygame."""
+HINT = "− slower   + faster   space pause   → step   q close"
+"""What the keys do, for the picture."""
 
 
 class Window:
-    """A window that shows pictures at a fixed rate.
+    """A window that shows pictures.
 
     Parameters
     ----------
     title
         Title of the window.
     frames_per_second
-        Highest number of pictures shown per second.
+        Highest number of pictures shown per second; `show` waits accordingly. 0: no limit.
+    size
+        Size of the window.
+    resizable
+        Whether the user may change its size.
 
     Raises
     ------
@@ -29,36 +42,68 @@ class Window:
     is_open: bool
     """Whether the window is open; closing it, Esc and q end that."""
 
-    def __init__(self, title: str, frames_per_second: float) -> None:
-        self._pygame = pygame = _pygame()
+    def __init__(
+        self,
+        title: str,
+        frames_per_second: float,
+        size: Size = SIZE,
+        *,
+        resizable: bool = False,
+    ) -> None:
+        self._pygame = pygame = load_pygame()
         try:
             _find_display(pygame)
-            self._window = pygame.Window(title, (WIDTH, HEIGHT))
+            self._window = pygame.Window(title, tuple(size), resizable=resizable)
         except pygame.error as error:
             raise UprightError(
                 f"a window cannot be opened: {error}; a video can be written without a display"
             ) from None
         self._clock, self._rate = pygame.time.Clock(), frames_per_second
+        self._size, self._commands = size, {getattr(pygame, key): KEYS[key] for key in KEYS}
         pygame.event.clear()  # such as the closing of an earlier window
         self.is_open = True
 
+    @property
+    def size(self) -> Size:
+        """The present size of the window; of one that was closed, the last."""
+        if self.is_open:
+            self._size = Size(*self._window.size)
+        return self._size
+
+    def commands(self) -> list[str]:
+        """Return what keys have asked for since the last call: faster, slower, pause or step.
+
+        If the user closed the window, or pressed Esc or q, it closes.
+        """
+        asked = []
+        for event in self._pygame.event.get() if self.is_open else ():
+            if self._dismisses(event):
+                self.close()
+                return []
+            if event.type == self._pygame.KEYDOWN:
+                character = CHARACTERS.get(getattr(event, "unicode", ""))
+                asked.append(character or self._commands.get(event.key))
+        return [command for command in asked if command]
+
     def show(self, pixels: np.ndarray) -> None:
         """Wait until the next picture is due and show it, unless the window is closed."""
-        if self._is_dismissed():
-            self.close()
+        self.commands()
+        self.draw(pixels)
+
+    def draw(self, pixels: np.ndarray) -> None:
+        """Do what `show` does, but leave the keys for `commands`."""
         if self.is_open:
-            surface = self._pygame.image.frombuffer(pixels.tobytes(), (WIDTH, HEIGHT), "RGB")
+            height, width, _ = pixels.shape
+            surface = self._pygame.image.frombuffer(pixels, (width, height), "RGB")
             self._clock.tick(self._rate)
             self._window.get_surface().blit(surface, (0, 0))
             self._window.flip()
 
-    def _is_dismissed(self) -> bool:
-        """Whether the user closed the window or pressed Esc or q."""
+    def _dismisses(self, event: Any) -> bool:
+        """Whether by this event the user closed the window or pressed Esc or q."""
         pygame = self._pygame
-        return any(
-            event.type in (pygame.QUIT, pygame.WINDOWCLOSE)
-            or (event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q))
-            for event in (pygame.event.get() if self.is_open else ())
+        return event.type in (pygame.QUIT, pygame.WINDOWCLOSE) or (
+            event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)
         )
 
     def close(self) -> None:

@@ -1,0 +1,13 @@
+"""The colours of pictures."""
+
+PAPER, INK, MUTED, FAINT = "#ffffff", "#2f3844", "#7a8594", "#dde2e9"
+"""The ground, text, lesser text, and lines that only guide the eye."""
+TRACK = "#4d5866"
+LIMIT, LIMIT_FAINT = "#b02a5b", "#f3dbe4"
+"""The limits of position and angle."""
+CART, POLE, GHOST, FORCE = "#1f6fb4", "#d1701f", "#f1c8a5", "#2a8f4f"
+"""The cart, the pole, the pole as it was measured, and the force."""
+FALLEN = "#e4e7ec"
+"""The cart-pole as it last fell."""
+PAST = "#8db3d7"
+"""Trials that have ended."""
