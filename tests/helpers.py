@@ -115,6 +115,33 @@ def make_task(noise: str = "none", start: str = "random", **names: Any) -> Task:
     return TaskSpec(noise, start, **names).task()
 
 
+class GuessingLearner:
+    """A learner that only knows Gymnasium; it draws new weights for every episode."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+
+    def train(self, env: Any) -> None:
+        while True:
+            weights = self.rng.uniform(-1.0, 1.0, 4) * (1.0, 1.0, 10.0, 1.0)
+            observation, _ = env.reset()
+            over = False
+            while not over:
+                action = int(observation @ weights > 0.0)
+                observation, _, fallen, truncated, _ = env.step(action)
+                over = fallen or truncated
+
+
+COMMAND = [
+    sys.executable,
+    "-c",
+    # A shell starts background jobs with SIGINT ignored, and their children inherit that.
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    "from upright.commands import main; main()",
+]
+"""The command `upright`, in a process of its own."""
+
+
 LEARNED_ON = {
     "noise": "none",
     "start": "random",

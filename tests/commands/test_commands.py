@@ -12,7 +12,7 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from helpers import GOOD_WEIGHTS, POOR_WEIGHTS
+from helpers import COMMAND, GOOD_WEIGHTS, POOR_WEIGHTS
 
 from upright.commands import run
 from upright.policies.files import save_policy
@@ -20,13 +20,6 @@ from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
-UPRIGHT = [
-    sys.executable,
-    "-c",
-    # A shell starts background jobs with SIGINT ignored, and their children inherit that.
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from upright.commands import main; main()",
-]
 QUICK = ["--steps", "300", "--agents", "random-search"]
 
 
@@ -92,6 +85,13 @@ def folder(tmp_path, monkeypatch):
         ("play poor.npz --video missing/film.mp4", ["missing/film.mp4", "folder"]),
         ("play poor.npz --video .mp4", ["''", ".mp4", ".gif"]),
         ("play poor.npz --window", ["no display", "video"]),
+        ("play poor.npz --video film.mp4 --size 641", ["'641'", "even", "1280x720"]),
+        ("play poor.npz --size 1280", ["'1280'", "--window", "--video"]),
+        ("learn q-learning --window", ["no display", "video"]),
+        ("learn q-learning --video film.avi", ["'.avi'", ".mp4", ".gif"]),
+        ("learn q-learning --video film.mp4 --size big", ["'big'", "WIDTHxHEIGHT"]),
+        ("learn q-learning --size 1280", ["'1280'", "--window", "--video"]),
+        ("learn q-learning --plant ros2 --video film.mp4", ["'ros2'", "real time"]),
         ("table --runs -3", ["runs is -3", "at least 1"]),
         ("table --runs many", ["'many'"]),
         ("table --agents reinforce,nobody", ["'nobody'", "reinforce"]),
@@ -272,7 +272,7 @@ def test_the_agents_command_explains_every_setting(capsys):
 
 def start(folder, *arguments, **environment):
     return subprocess.Popen(
-        [*UPRIGHT, *arguments],
+        [*COMMAND, *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -133,13 +133,13 @@ def test_a_recording_has_what_happened_and_what_the_agent_saw():
     agent, plant = LinearAgent(*GOOD_WEIGHTS), RecordingPlant()
     task = make_task(noise="all-10", steps=50, condition="delay-1")._replace(trials=1)
     task = task._replace(noise=task.noise._replace(actuator=0.1))
-    scenes, played = record(agent, plant, task, np.random.default_rng(0))
+    moments, played = record(agent, plant, task, np.random.default_rng(0))
     assert played == TrialOutcome(50, True)
-    assert [scene.state for scene in scenes] == [*plant.starts, *plant.states[0]]
-    assert [scene.force for scene in scenes] == [0.0, *plant.forces[0]]
+    assert [moment.state for moment in moments] == [*plant.starts, *plant.states[0]]
+    assert [moment.force for moment in moments] == [0.0, *plant.forces[0]]
     (moves,) = agent.moves
-    assert [scene.measured for scene in scenes] == [moves[0][0], *[move[2] for move in moves]]
-    assert all(scene.measured != scene.state for scene in scenes)
+    assert [moment.measured for moment in moments] == [moves[0][0], *[move[2] for move in moves]]
+    assert all(moment.measured != moment.state for moment in moments)
     assert agent.ends == [False]
 
 
@@ -155,12 +155,12 @@ def test_a_fall_at_the_last_step_is_no_success():
 
 
 def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeypatch):
-    captions, told = [], []
+    scenes, told = [], []
 
-    def draw(parameters, scene):
-        captions.append(scene.caption)
+    def draw(parameters, scene, size):
+        scenes.append(scene)
         assert scene.measured.theta != scene.state.theta or scene.state.theta == 0
-        return len(captions)
+        return len(scenes)
 
     monkeypatch.setattr("upright.studies.playing.picture", draw)
     policy = learned["random-search"]
@@ -169,12 +169,14 @@ def test_pictures_show_every_step_of_the_trials_that_play_plays(learned, monkeyp
     assert told == list(play_trials(policy, case, 4, 5))
     assert not all(played.balanced for played in told)
     assert len(shown) == sum(played.steps + 1 + PAUSE for played in told)
-    assert len(captions) == sum(played.steps + 1 for played in told)
-    assert captions[0] == "trial 1   step 0   0.0 s"
-    falls = [caption for caption in captions if caption.endswith("fallen")]
+    assert len(scenes) == sum(played.steps + 1 for played in told)
+    assert (scenes[0].caption, scenes[0].detail) == ("random-search · trial 1", "step 0 · 0.0 s")
+    falls = [scene for scene in scenes if scene.ending == "fallen"]
     assert len(falls) == sum(not played.balanced for played in told)
+    assert scenes[-1].last_fall == falls[2].state
+    assert scenes[0].last_fall is None
     assert shown[: told[0].steps + 1] == list(range(1, told[0].steps + 2))
-    assert set(shown[-PAUSE - 1 :]) == {len(captions)}
+    assert set(shown[-PAUSE - 1 :]) == {len(scenes)}
 
 
 # ---------------------------------------------------------------------------------------- watch
@@ -225,11 +227,23 @@ def test_a_window_shows_the_trials_and_may_be_closed(capsys, monkeypatch):
     assert len(played) == 1
     assert "balanced in 0 of 1 trials" in capsys.readouterr().out
 
-    def post(scene):
-        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_q))
-        return np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-
-    monkeypatch.setattr("upright.studies.playing.picture", lambda _, scene: post(scene))
+    pygame.event.clear()
+    monkeypatch.setattr("upright.studies.stage.picture", press_q)
     assert watch_play(policy, case, 1, 0, window=True) == []
     assert capsys.readouterr().out == "no trial was played to its end\n"
     assert State(*policy.memory.weights) == State(0, 0, 0, 0)
+
+
+def press_q(parameters, scene, size):
+    if scene.detail.startswith("step"):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_q))
+    return np.zeros((size.height, size.width, 3), np.uint8)
+
+
+@pytest.mark.usefixtures("_display")
+def test_a_window_and_a_video_show_the_same_trials(tmp_path, capsys):
+    policy, case = guess()
+    played = watch_play(policy, case, 1, 0, str(tmp_path / "film.mp4"), window=True)
+    assert len(played) == 1
+    assert (tmp_path / "film.mp4").stat().st_size > 1000
+    assert capsys.readouterr().out.count("trial ") == 1

@@ -1,4 +1,11 @@
-"""Train an agent, and show each trial as it ends."""
+"""Train an agent, and show each trial as it ends.
+
+With --window the trials are drawn as the agent learns, in real time until a key changes that; once
+the window is closed, the run goes on without it. A video is shortened to at most a minute: the
+first trials in real time, the others fast forward, then the beginning and the end of the last. The
+trials are the same as without pictures, but take longer to compute. The bars are the lengths of
+trials; the grey cart-pole is the last fall.
+"""
 
 import argparse
 
@@ -10,6 +17,7 @@ from upright.commands.options import (
     add_task_options,
     case_of,
     plant_of,
+    size_of,
     whole,
 )
 from upright.commands.parser import Parser
@@ -22,6 +30,8 @@ examples:
   upright learn reinforce --steps 600000 --save policy.npz
   upright learn q-learning --set learning_rate=0.2 --set discount=0.98
   upright learn reinforce --plant mujoco --plant-set physics_step=0.001
+  upright learn q-learning --window --size 1280     see it learn
+  upright learn q-learning --video learning.mp4     the same as a video; needs no display
 {CUSTOM_AGENTS}\
 exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible, 3 if a custom
 agent failed: its code raised an exception, or it breaks the rules for agents.
@@ -41,6 +51,8 @@ def add_options(parser: Parser) -> None:
         action="store_true",
         help="draw the MATLAB twin's random numbers: its run K + 1 then has the same trials",
     )
+    add(parser, "--window", "--size")
+    add(parser, "--video", help="write a video of the run, shortened, to this file, .mp4 or .gif")
     parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
     parser.add_argument(
         "--save", metavar="FILE", help="save the policy; the name ends in .npz or .json"
@@ -69,7 +81,14 @@ def run(options: argparse.Namespace) -> int:
 
         check_learned(options.save, case)
     memory, result = watch_run(
-        case, options.seed, options.run, quiet=options.quiet, twister=options.twister
+        case,
+        options.seed,
+        options.run,
+        quiet=options.quiet,
+        twister=options.twister,
+        window=options.window,
+        video=options.video,
+        size=size_of(options),
     )
     if options.plot:
         title, task = f"{case_name(case)}, {noise_name(case.spec.noise)}", task_name(case.spec)

@@ -25,6 +25,7 @@ from upright.reports.tables import FORMATS
 from upright.support.settings import describe_settings
 
 if TYPE_CHECKING:
+    from upright.pictures.size import Size
     from upright.plants.settings import PlantSettings
     from upright.studies.case import Case
     from upright.studies.settings_file import SettingsFile
@@ -142,10 +143,26 @@ SHARED: dict[str, dict[str, Any]] = {
 """Other arguments that several commands have."""
 
 
+PICTURES: dict[str, dict[str, Any]] = {
+    "--window": {
+        "action": "store_true",
+        "help": "show the trials in a window, at first in real time; its keys: + faster, - slower, "
+        "space pause, right arrow or n one step while paused, q or Esc close",
+    },
+    "--video": {"metavar": "FILE", "help": "write a video to this file, .mp4 or .gif"},
+    "--size": {
+        "metavar": "SIZE",
+        "help": "size of the window and the video in pixels: WIDTHxHEIGHT, or a width, such as "
+        "1280 (default: 640x352)",
+    },
+}
+"""The options of commands that draw the cart-pole."""
+
+
 def add(parser: Parser, *names: str, **changes: Any) -> None:
-    """Add arguments of TASK and SHARED, changed where this command's differ."""
+    """Add arguments of TASK, SHARED and PICTURES, changed where this command's differ."""
     for name in names:
-        parser.add_argument(name, **(TASK | SHARED)[name] | changes)
+        parser.add_argument(name, **(TASK | SHARED | PICTURES)[name] | changes)
 
 
 def add_task_options(
@@ -216,6 +233,24 @@ def plant_of(options: argparse.Namespace) -> "PlantSettings":
 
     changes = dict(pairs("--plant-set", options.plant_changes))
     return change_settings(PLANTS.default(options.plant), changes)
+
+
+def size_of(options: argparse.Namespace) -> "Size":
+    """Return the size of pictures that --size asks for.
+
+    Raises
+    ------
+    UprightError
+        If it is not a size, or nothing is to be drawn.
+    """
+    from upright.errors import UprightError
+    from upright.pictures.size import SIZE, parse_size
+
+    if options.size is None:
+        return SIZE
+    if not (options.window or options.video):
+        raise UprightError(f"size is {options.size!r}; it needs --window or --video")
+    return parse_size(options.size)
 
 
 def add_case_options(parser: Parser) -> None:

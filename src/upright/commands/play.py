@@ -4,12 +4,20 @@ The policy is played on the task it was trained on, except where options overrid
 equations unless --plant says otherwise. It does not learn.
 
 With pictures there is one trial of 1,000 steps, 20 s, unless options say otherwise. The pale pole
-and the lower mark show what the agent measures. Esc, q or closing the window stops playback.
+and the lower mark show what the agent measures, the grey cart-pole the last fall. Esc, q or closing
+the window stops playback.
 """
 
 import argparse
 
-from upright.commands.options import add, add_plant_options, add_task_options, plant_of, task_of
+from upright.commands.options import (
+    add,
+    add_plant_options,
+    add_task_options,
+    plant_of,
+    size_of,
+    task_of,
+)
 from upright.commands.parser import Parser
 from upright.core.conditions import STEPS
 from upright.support.exit_status import FAILED
@@ -18,7 +26,7 @@ EXAMPLES = """\
 examples:
   upright play policy.npz                           ten trials, without pictures
   upright play policy.npz --noise gaussian-0.2 --start wide --window
-  upright play policy.npz --condition delay-1 --video fall.mp4
+  upright play policy.npz --condition delay-1 --video fall.mp4 --size 1280x720
   upright play policy.npz --episodes 100 --steps 600000
   upright play policy.json                          written by export, or by another language
   upright play policy.npz --plant mujoco            on another plant
@@ -46,10 +54,7 @@ def add_options(parser: Parser) -> None:
     )
     add(parser, "--seed")
     add_plant_options(parser)
-    parser.add_argument("--video", metavar="FILE", help="write a video to this file, .mp4 or .gif")
-    parser.add_argument(
-        "--window", action="store_true", help="show the trials in a window, in real time"
-    )
+    add(parser, "--window", "--video", "--size")
     add(parser, "--agent")
 
 
@@ -74,5 +79,13 @@ def run(options: argparse.Namespace) -> int:
     check_study(episodes, options.seed)
     if options.video is not None:
         check_video(options.video)
-    played = watch_play(policy, case, episodes, options.seed, options.video, window=options.window)
+    played = watch_play(
+        policy,
+        case,
+        episodes,
+        options.seed,
+        options.video,
+        window=options.window,
+        size=size_of(options),
+    )
     return 0 if all(trial.balanced for trial in played) else FAILED

@@ -14,18 +14,10 @@ from upright.core.task import Task
 from upright.core.trials import run
 
 
-def bound_run(
-    agent: Any,
-    plant: Plant,
-    task: Task,
-    rng: np.random.Generator,
-    lengths: np.ndarray,
-    stop: np.ndarray,
-) -> int:
-    """Do what `run` does, for a compiled agent and a plant that compiled code cannot step.
+def bind(agent: Any, rng: np.random.Generator) -> Any:
+    """Return the methods of a compiled agent as machine code, which Python calls directly.
 
-    Compiles everything before the first trial, because a real-time plant will not wait, and calls
-    the machine code directly, which is three times as fast.
+    That is three times as fast as calling the methods; everything is compiled first.
     """
     state = State(0.0, 0.0, 0.0, 0.0)
     calls: dict[str, tuple[Any, ...]] = {
@@ -38,8 +30,22 @@ def bound_run(
         name: partial(machine_code(getattr(type(agent), name), agent, *given), agent)
         for name, given in calls.items()
     }
-    bound: Any = SimpleNamespace(**methods)
-    return run(bound, plant, task, rng, lengths, stop)
+    return SimpleNamespace(**methods)
+
+
+def bound_run(
+    agent: Any,
+    plant: Plant,
+    task: Task,
+    rng: np.random.Generator,
+    lengths: np.ndarray,
+    stop: np.ndarray,
+) -> int:
+    """Do what `run` does, for a compiled agent and a plant that compiled code cannot step.
+
+    Compiles everything before the first trial, because a real-time plant will not wait.
+    """
+    return run(bind(agent, rng), plant, task, rng, lengths, stop)
 
 
 compiled_run = compiled(run)

@@ -233,11 +233,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn(NO_RENDER_MODE)
             return None
-        if self._state is None:
-            raise ResetNeeded("no episode has begun; call reset() before render()")
-        seconds = self._steps * self.rules.parameters.time_step
-        caption = f"step {self._steps:,}, {seconds:.1f} s"
-        scene = Scene(self._state, self._measured, self._force, caption)
+        scene = self.scene()
         if self.render_mode == "ansi":
             return text_picture(self.rules.parameters, scene)
         pixels = picture(self.rules.parameters, scene)
@@ -247,6 +243,14 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self._window = Window("Upright", FRAMES_PER_SECOND)
         self._window.show(pixels)
         return None
+
+    def scene(self) -> Scene:
+        """Return what a picture of the present state shows."""
+        if self._state is None:
+            raise ResetNeeded("no episode has begun; call reset() before render()")
+        seconds = self._steps * self.rules.parameters.time_step
+        caption = f"step {self._steps:,}, {seconds:.1f} s"
+        return Scene(self._state, self._measured, self._force, caption)
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -19,15 +19,16 @@ from upright.core.compiled import compiled
 from upright.core.contracts import Agent, Plant
 from upright.core.parameters import State
 from upright.core.task import Task
-from upright.core.trials import Result, trial
+from upright.core.trials import Result, run
 from upright.errors import require
 from upright.pictures.picture import picture
-from upright.pictures.scene import Scene
+from upright.pictures.size import SIZE, Size
 from upright.pictures.video import write_video
 from upright.plants import describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.policy import Policy
 from upright.studies.case import Case, make_case
+from upright.studies.observing import Moment, Observer, observed_loop, scene_of
 from upright.studies.random_streams import Stream, sequence
 from upright.studies.run import choose_loop, make_plant, outcome
 
@@ -163,32 +164,70 @@ def play(
     return played
 
 
-def play_trials(policy: Policy, case: Case, episodes: int, seed: int) -> Iterator[TrialOutcome]:
+def play_trials(
+    policy: Policy,
+    case: Case,
+    episodes: int,
+    seed: int,
+    stop: np.ndarray | None = None,
+    observer: Observer | None = None,
+) -> Iterator[TrialOutcome]:
     """Play trial after trial and yield the outcome of each.
 
     Policies of the package's agents are played by the compiled loop if the plant is compiled; those
     of custom agents in Python.
+
+    Parameters
+    ----------
+    policy, case, episodes, seed
+        What is played.
+    stop
+        Shape (1,), bool; playing stops once it is set.
+    observer
+        Called after each start and each step. The loop then runs in Python; its trials are the
+        same.
     """
     agent = policy if is_custom(policy.agent) else player(policy)
-    stop = np.zeros(1, np.bool_)
+    stop = np.zeros(1, np.bool_) if stop is None else stop
+    observer = None if observer is None else _Numbered(observer)
     thread = ThreadPoolExecutor(1)  # the main thread stays free for Ctrl-C
     try:
         for episode in range(episodes):
-            lengths = np.zeros(1, np.int64)
-            yield thread.submit(_play_once, agent, case, seed, episode, lengths, stop).result()
+            played = thread.submit(_play_once, agent, case, seed, episode, stop, observer).result()
+            if stop[0]:
+                break
+            yield played
     finally:
         stop[0] = True
         thread.shutdown(wait=case.plant.alone)  # such a plant stops within a step
 
 
 def _play_once(
-    agent: Agent, case: Case, seed: int, episode: int, lengths: np.ndarray, stop: np.ndarray
+    agent: Agent, case: Case, seed: int, episode: int, stop: np.ndarray, observer: Observer | None
 ) -> TrialOutcome:
     plant, task, rng = prepare(case, seed, episode, stop)
+    lengths = np.zeros(1, np.int64)
     with closing(plant):
         loop = choose_loop(case, agent, plant)
+        if observer is not None:
+            loop = observed_loop(loop, observer)
         succeeded = loop(agent, plant, task._replace(trials=1), rng, lengths, stop) > 0
     return TrialOutcome(int(lengths[0]), succeeded)
+
+
+class _Numbered:
+    """Passes on the moments of trials that are made one by one, with their numbers."""
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+        self._trial = 0
+        self._last_fall: State | None = None
+
+    def __call__(self, moment: Moment) -> None:
+        self._trial += moment.step == 0
+        self._observer(moment._replace(trial=self._trial, last_fall=self._last_fall))
+        if moment.ending == "fallen":
+            self._last_fall = moment.state
 
 
 def play_run(
@@ -219,59 +258,27 @@ def prepare(
     return plant, task, np.random.default_rng(sequence(seed, episode, Stream.PLAYING))
 
 
-class _Recorder:
-    """Stands between an agent and a plant, acts as both, and records what they exchange."""
-
-    def __init__(self, agent: Agent, plant: Plant) -> None:
-        self.agent, self.plant = agent, plant
-        self.states: list[State] = []
-        self.measured: list[State] = []
-        self.forces = [0.0]
-
-    def reset(self, state: State) -> State:
-        self.states.append(self.plant.reset(state))
-        return self.states[-1]
-
-    def step(self, force: float) -> State:
-        self.forces.append(force)
-        self.states.append(self.plant.step(force))
-        return self.states[-1]
-
-    def has_fallen(self, state: State) -> bool:
-        return self.plant.has_fallen(state)
-
-    def close(self) -> None:
-        self.plant.close()
-
-    def begin_trial(self, rng: np.random.Generator) -> None:
-        self.agent.begin_trial(rng)
-
-    def act(self, observation: State, rng: np.random.Generator) -> bool:
-        return self.agent.act(observation, rng)
-
-    def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        self.measured += [after] if self.measured else [before, after]
-        self.agent.learn(before, action, after, fallen)
-
-    def end_trial(self, fallen: bool) -> None:
-        self.agent.end_trial(fallen)
-
-
 def record(
     agent: Agent, plant: Plant, task: Task, rng: np.random.Generator
-) -> tuple[list[Scene], TrialOutcome]:
-    """Let an agent balance once in Python, and return the scenes and the outcome.
+) -> tuple[list[Moment], TrialOutcome]:
+    """Let an agent balance once in Python, and return the moments and the outcome.
 
-    There is one scene of the start and one after each step, with the force that led to it.
+    There is one moment of the start and one after each step, with the force that led to it.
     """
-    recorder = _Recorder(agent, plant)
-    steps, fallen = trial(recorder, recorder, task, rng)
-    moments = zip(recorder.states, recorder.measured, recorder.forces, strict=True)
-    return [Scene(*moment) for moment in moments], TrialOutcome(steps, not fallen)
+    moments: list[Moment] = []
+    lengths, stop = np.zeros(1, np.int64), np.zeros(1, np.bool_)
+    loop = observed_loop(run, moments.append)
+    succeeded = loop(agent, plant, task._replace(trials=1), rng, lengths, stop) > 0
+    return moments, TrialOutcome(int(lengths[0]), succeeded)
 
 
 def pictures(
-    policy: Policy, case: Case, episodes: int, seed: int, on_trial: Callable[[TrialOutcome], None]
+    policy: Policy,
+    case: Case,
+    episodes: int,
+    seed: int,
+    on_trial: Callable[[TrialOutcome], None],
+    size: Size = SIZE,
 ) -> Iterator[np.ndarray]:
     """Play the same trials as `play_trials`, and yield a picture of every step.
 
@@ -279,21 +286,25 @@ def pictures(
     ----------
     on_trial
         Called with the outcome of each trial after its last picture.
+    size
+        Size of the pictures.
 
     Raises
     ------
     UprightError
         If pygame-ce is missing.
     """
+    shown: list[Moment] = []
+    numbered = _Numbered(shown.append)
     for episode in range(episodes):
         plant, task, rng = prepare(case, seed, episode, np.zeros(1, np.bool_))
         with closing(plant):
-            scenes, outcome = record(policy, plant, task, rng)
-        for step, scene in enumerate(scenes):
-            seconds = step * task.parameters.time_step
-            ending = "   fallen" if step == outcome.steps and not outcome.balanced else ""
-            caption = f"trial {episode + 1}   step {step:,}   {seconds:,.1f} s{ending}"
-            pixels = picture(task.parameters, scene._replace(caption=caption))
+            moments, outcome = record(policy, plant, task, rng)
+        shown.clear()
+        for moment in moments:
+            numbered(moment)
+        for moment in shown:
+            pixels = picture(task.parameters, scene_of(moment, policy.agent), size)
             yield pixels
         on_trial(outcome)
         yield from repeat(pixels, PAUSE)

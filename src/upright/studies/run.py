@@ -21,6 +21,7 @@ from upright.errors import AgentError, require_module, require_one_of
 from upright.plants import PLANTS
 from upright.plants.settings import RunContext
 from upright.studies.case import Case
+from upright.studies.observing import Observer, observed_loop
 from upright.studies.random_streams import Stream, random_numbers, sequence
 
 
@@ -63,6 +64,7 @@ def make_run(
     stop: np.ndarray | None = None,
     numbers: Callable[[int, int], np.random.Generator] | None = None,
     plant: Plant | None = None,
+    observer: Observer | None = None,
 ) -> tuple[Any, Result | None]:
     """Train a new agent until a trial succeeds.
 
@@ -83,6 +85,9 @@ def make_run(
     plant
         The plant to balance in place of the case's: an object with the methods `reset`, `step`,
         `has_fallen` and `close`. The noise of the case is added to it.
+    observer
+        Called after each start and each step, as for pictures. The loop then runs in Python; its
+        trials are the same.
 
     Returns
     -------
@@ -111,6 +116,8 @@ def make_run(
         plant, task = make_plant(case, seed, run, stop)
     with closing(plant):
         loop = choose_loop(case, agent, plant)
+        if observer is not None:
+            loop = observed_loop(loop, observer)
         with _called(case, agent, run) as called:
             if is_compiled(agent):
                 _compile(case, called, loop, plant, task)

@@ -1,24 +1,29 @@
 """Watch a run learn, or a policy play, trial by trial."""
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import nullcontext, suppress
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from upright.core.trials import Result
+from upright.pictures.size import SIZE, Size
 from upright.pictures.video import write_video
-from upright.pictures.window import Window
 from upright.policies.policy import Policy
 from upright.studies.case import Case
+from upright.studies.filming import Film, check_film, in_words
+from upright.studies.observing import Moment, check_observable
 from upright.studies.playing import TrialOutcome, pictures, play_trials
 from upright.studies.random_streams import twister_numbers
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
+from upright.studies.stage import PERIOD, Stage
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
 
 BAR = 40
@@ -27,10 +32,22 @@ POLL = 0.05
 """Interval at which the run is checked for trials that have ended [s]."""
 PATIENCE = 1.0
 """How long to wait for an interrupted run to end [s]."""
+GOES_ON = "the window is closed; the run goes on without pictures (Ctrl-C stops it)"
+"""Printed when the window of a run is closed."""
+
+T = TypeVar("T")
 
 
 def watch_run(
-    case: Case, seed: int, run: int, *, quiet: bool = False, twister: bool = False
+    case: Case,
+    seed: int,
+    run: int,
+    *,
+    quiet: bool = False,
+    twister: bool = False,
+    window: bool = False,
+    video: str | None = None,
+    size: Size = SIZE,
 ) -> tuple[Any, Result]:
     """Make a run; print a line for each trial as it ends, then one about the run.
 
@@ -42,28 +59,53 @@ def watch_run(
         Whether to print only the line about the run.
     twister
         Whether to draw the random numbers of the MATLAB twin.
+    window
+        Whether to show the run in a window. Once that is closed, the run goes on without.
+    video
+        Path of a video to make of the run, if any.
+    size
+        Size of the window and the video.
 
     Returns
     -------
     tuple
-        The trained agent, and the result.
+        The trained agent, and the result. Both are the same with pictures as without.
 
     Raises
     ------
+    UprightError
+        If the plant cannot be drawn, a library is missing, there is no display, or the video
+        cannot be written.
     KeyboardInterrupt
-        If interrupted; the run ends before its next trial.
+        If interrupted; the run ends before its next trial, with pictures before its next step.
     """
+    if window:
+        check_observable(case)
+    if video is not None:
+        check_film(video, case)
+    stop = np.zeros(1, np.bool_)
+    stage = Stage(case.name, case.spec.noise, stop, size, chart=True) if window else None
+    film = Film() if video is not None else None
+    observers = [observer for observer in (film, stage) if observer is not None]
+
+    def observe(moment: Moment) -> None:
+        for observer in observers:
+            observer(moment)
 
     def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:
         warn_if_doubtful(doubt_about(case))
         numbers = twister_numbers if twister else None
-        return make_run(case, seed, run, lengths, stop, numbers)
+        observer = observe if observers else None
+        return make_run(case, seed, run, lengths, stop, numbers, observer=observer)
 
     def show(number: int, length: int) -> None:
         if not quiet:
             print_trial(case, number, length)
 
-    return watch(case, work, show)
+    agent, result = watch(case, work, show, stop, stage)
+    if film is not None and video is not None:
+        _write_film(film, video, case, size)
+    return agent, result
 
 
 def watch(
@@ -71,6 +113,7 @@ def watch(
     work: Callable[[np.ndarray, np.ndarray], tuple[Any, Result | None]],
     on_trial: Callable[[int, int], None],
     stop: np.ndarray | None = None,
+    stage: Stage | None = None,
 ) -> tuple[Any, Result]:
     """Make a run in a thread, report each trial as it ends, and print how the run ended.
 
@@ -85,6 +128,8 @@ def watch(
         Called after each trial with its number, from 1, and its length in steps.
     stop
         Shape (1,), bool; set when interrupted, so that `work` returns.
+    stage
+        Shows the run in a window, if given, and is closed at the end.
 
     Returns
     -------
@@ -106,26 +151,64 @@ def watch(
             reported += 1
             on_trial(reported, int(lengths[reported - 1]))
 
+    def say_so() -> None:
+        print(GOES_ON, flush=True)
+
+    agent, result = _in_thread(lambda: work(lengths, stop), report, stop, stage, say_so)
+    assert result is not None, "only an interrupt stops a run"
+    print(_ending(case, result))
+    return agent, result
+
+
+def _in_thread(
+    work: Callable[[], T],
+    report: Callable[[], None],
+    stop: np.ndarray,
+    stage: Stage | None,
+    on_closing: Callable[[], None],
+) -> T:
+    """Do work in a thread, and meanwhile report and draw until the window is closed."""
     ended: SimpleQueue[Future[Any]] = SimpleQueue()
-    with hold_interrupts():
+    shows = stage is not None
+    with hold_interrupts(), stage or nullcontext():
         thread = ThreadPoolExecutor(1)
-        future = thread.submit(work, lengths, stop)
+        future = thread.submit(work)
         future.add_done_callback(ended.put)
         try:
             while not future.done():
                 with let_interrupts_through():
                     with suppress(Empty):
-                        ended.get(timeout=POLL)
+                        ended.get(timeout=PERIOD / 2 if shows else POLL)
                     report()
+                    if stage and shows:
+                        stage.update()
+                        shows = stage.is_open
+                        if not shows:
+                            on_closing()
+            report()
+            if stage and not future.exception():
+                with let_interrupts_through():
+                    stage.linger()
         finally:
             stop[0] = True
             wait([future], PATIENCE)  # so that a cart is stopped
             thread.shutdown(wait=False)
-    agent, result = future.result()
-    assert result is not None, "only an interrupt stops a run"
-    report()
-    print(_ending(case, result))
-    return agent, result
+    return future.result()
+
+
+def _write_film(film: Film, path: str, case: Case, size: Size) -> None:
+    """Write the video of a run, with a progress bar."""
+    columns = TextColumn("drawing the video"), BarColumn(), TimeRemainingColumn()
+    console = Console(stderr=True)
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+        task = bar.add_task("", total=None)
+
+        def show(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        film.write(path, case.name, size, on_picture=show)
+    print(f"video: {path}")
 
 
 def print_trial(case: Case, number: int, length: int) -> None:
@@ -140,9 +223,9 @@ def _ending(case: Case, result: Result) -> str:
         longest = int(result.lengths.max())
         return f"not balanced within {result.trials:,} trials; the longest took {longest:,} steps"
     simulated = case.spec.steps * case.spec.time_step
-    time = f"{simulated / 60:,.0f} minutes" if simulated >= 120 else f"{simulated:,.0f} seconds"
     return (
-        f"balanced at trial {result.trials}: {case.spec.steps:,} steps, {time} of simulated time; "
+        f"balanced at trial {result.trials}: {case.spec.steps:,} steps, {in_words(simulated)} of "
+        f"simulated time; "
         f"the run took {result.seconds:.2f} s"
     )
 
@@ -155,6 +238,7 @@ def watch_play(
     video: str | None = None,
     *,
     window: bool = False,
+    size: Size = SIZE,
 ) -> list[TrialOutcome]:
     """Play a policy; print a line for each trial as it ends, then a summary.
 
@@ -171,7 +255,10 @@ def watch_play(
     video
         Path of a video to write, if any.
     window
-        Whether to show the trials in real time. Closing the window stops playback.
+        Whether to show the trials in a window. Closing it stops playback; a video then has the
+        trials that were played to their end.
+    size
+        Size of the window and the video.
 
     Returns
     -------
@@ -181,23 +268,26 @@ def watch_play(
     Raises
     ------
     UprightError
-        If a library is missing, there is no display, or the video cannot be written.
+        If the plant cannot be drawn, a library is missing, there is no display, or the video
+        cannot be written.
     """
-    rate = 1 / case.spec.time_step
     played: list[TrialOutcome] = []
 
     def report(outcome: TrialOutcome) -> None:
         played.append(outcome)
         print_trial(case, len(played), outcome.steps)
 
-    frames = pictures(policy, case, episodes, seed, report)
-    if window:
-        frames = _shown(frames, Window(f"{policy.agent}, {case.spec.noise}", rate))
+    def draw(trials: int, on_trial: Callable[[TrialOutcome], None]) -> None:
+        if video is not None and trials:
+            frames = pictures(policy, case, trials, seed, on_trial, size)
+            write_video(video, frames, 1 / case.spec.time_step, size)
+
     try:
-        if video:
-            write_video(video, frames, rate)
-        elif window:
-            deque(frames, maxlen=0)
+        if window:
+            _play_in_window(policy, case, episodes, seed, report, size)
+            draw(len(played), lambda _: None)
+        elif video is not None:
+            draw(episodes, report)
         else:
             for outcome in play_trials(policy, case, episodes, seed):
                 report(outcome)
@@ -206,16 +296,29 @@ def watch_play(
     return played
 
 
-def _shown(frames: Iterator[np.ndarray], window: Window) -> Iterator[np.ndarray]:
-    """Yield pictures as they are shown, while the window is open."""
-    try:
-        for pixels in frames:
-            window.show(pixels)
-            yield pixels
-            if not window.is_open:
-                return
-    finally:
-        window.close()
+def _play_in_window(
+    policy: Policy,
+    case: Case,
+    episodes: int,
+    seed: int,
+    on_trial: Callable[[TrialOutcome], None],
+    size: Size,
+) -> None:
+    """Play in a window, and report each trial as it ends."""
+    check_observable(case)
+    stop = np.zeros(1, np.bool_)
+    stage = Stage(policy.agent, case.spec.noise, stop, size, chart=False)
+    ended: SimpleQueue[TrialOutcome] = SimpleQueue()
+
+    def work() -> None:
+        for outcome in play_trials(policy, case, episodes, seed, stop, stage):
+            ended.put(outcome)
+
+    def report() -> None:
+        while not ended.empty():
+            on_trial(ended.get())
+
+    _in_thread(work, report, stop, stage, partial(stop.__setitem__, 0, True))
 
 
 def _summary(played: list[TrialOutcome]) -> str:
