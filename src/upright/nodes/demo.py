@@ -18,7 +18,7 @@ def start_simulator(settings: ParameterValues) -> Iterator[bool]:
     """Run a simulator with these settings within the block; yield whether it started."""
     call = f"main({dict(settings)!r}, [], {os.getpid()})"
     code = f"from upright.nodes.simulator import main; raise SystemExit({call})"
-    with Popen([sys.executable, "-c", code], stdout=PIPE, text=True) as process:
+    with Popen([sys.executable, "-c", code], stdout=PIPE, encoding=sys.stdout.encoding) as process:
         try:
             assert process.stdout
             line = process.stdout.readline()  # the simulator prints a line once it is ready

@@ -4,6 +4,7 @@ import math
 
 from upright.core.parameters import Parameters
 from upright.pictures.scene import NOT_FINITE, Scene
+from upright.support.terminal import printable
 
 COLUMNS, ROWS = 61, 4
 """Width of the track and height of the pole in text [characters]."""
@@ -12,7 +13,8 @@ COLUMNS, ROWS = 61, 4
 def text_picture(parameters: Parameters, scene: Scene) -> str:
     """Return the picture of a scene in a few lines of text, with the numbers below it.
 
-    The pole's lean is exaggerated: at the angle limit the pole is a diagonal.
+    The pole's lean is exaggerated: at the angle limit the pole is a diagonal. Signs that the output
+    of this process cannot show are replaced.
     """
     if not scene.is_finite:
         return f"{scene.caption}\n{NOT_FINITE}"
@@ -29,7 +31,7 @@ def text_picture(parameters: Parameters, scene: Scene) -> str:
         f"pole {math.degrees(state.theta):+.1f}°, {math.degrees(state.theta_dot):+.0f}°/s; "
         f"force {scene.force:+.1f} N"
     )
-    return "\n".join([scene.caption, *pole, track, ends, numbers])
+    return printable("\n".join([scene.caption, *pole, track, ends, numbers]))
 
 
 def _within_one(value: float) -> float:

@@ -1,16 +1,21 @@
-"""Exit statuses of commands, and the one line that explains a failure."""
+"""Exit statuses of commands, and the line that explains a failure."""
 
+import errno
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO
 
 from upright.errors import AgentError, AgentWarning, Stopped, UprightError
+from upright.support.terminal import end_notice, prepare_streams
 
-FAILED, BAD_USE, AGENT_FAILED, INTERRUPTED = 1, 2, 3, 130
-"""Exit statuses besides 0: not balanced, not possible, a custom agent's error, and Ctrl-C."""
+FAILED, BAD_USE, AGENT_FAILED, UNWRITTEN, INTERRUPTED = 1, 2, 3, 74, 130
+"""Exit statuses besides 0: not balanced, not possible, a custom agent's error, output that cannot
+be written (EX_IOERR of sysexits.h), and Ctrl-C."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of a disk or a device that takes no more."""
 
 
 def exit_status(work: Callable[[], int]) -> int:
@@ -18,18 +23,29 @@ def exit_status(work: Callable[[], int]) -> int:
 
     The explanation is one line, which the traceback of a custom agent's own code may follow.
     """
+    prepare_streams()
     try:
-        with _plain_warnings():
-            return work()
+        try:
+            with _plain_warnings():
+                return work()
+        finally:
+            end_notice()
+            sys.stdout.flush()  # fails here, where it can be explained, not as Python ends
     except UprightError as error:
-        print(f"upright: error: {error}", file=sys.stderr)
+        _explain(f"error: {error}")
         return AGENT_FAILED if isinstance(error, AgentError) else BAD_USE
     except (KeyboardInterrupt, Stopped):
-        print("upright: stopped", file=sys.stderr)
+        _explain("stopped")
         return INTERRUPTED
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else its flush fails, too
+        _abandon(sys.stdout)
         return FAILED
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        _abandon(sys.stdout)
+        _explain(f"error: the output cannot be written: {error.strerror}")
+        return UNWRITTEN
 
 
 @contextmanager
@@ -41,9 +57,25 @@ def _plain_warnings() -> Iterator[None]:
 
         def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
             if issubclass(category, AgentWarning):
-                print(f"upright: warning: {message}", file=sys.stderr)
+                _explain(f"warning: {message}")
             else:
                 usual(message, category, *place)
 
         warnings.showwarning = show  # type: ignore[assignment]
         yield
+
+
+def _explain(text: str) -> None:
+    """Print a line about the command on standard error, if that can be written."""
+    try:
+        print(f"upright: {text}", file=sys.stderr, flush=True)
+    except OSError:
+        _abandon(sys.stderr)
+
+
+def _abandon(stream: TextIO) -> None:
+    """Discard what a stream still holds; otherwise its last flush fails as Python ends."""
+    with suppress(OSError, ValueError):  # a stream without a file needs nothing
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
