@@ -2,9 +2,12 @@
 
 import math
 import re
+import reprlib
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 class UprightError(ValueError):
@@ -89,6 +92,27 @@ def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
     if value not in allowed:
         hint = did_you_mean(value, allowed)
         raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}{hint}")
+
+
+def require_kind(name: str, value: object, kinds: type | tuple[type, ...], expected: str) -> None:
+    """Raise UprightError unless `value` is of one of these classes; say what is expected instead.
+
+    Examples
+    --------
+    >>> require_kind("store", 3, str, "a path")
+    Traceback (most recent call last):
+    upright.errors.UprightError: store is 3; it must be a path
+    """
+    if not isinstance(value, kinds):
+        raise UprightError(f"{name} is {reprlib.repr(value)}; it must be {expected}")
+
+
+def require_all(name: str, values: Iterable[T], kind: type[T], expected: str) -> list[T]:
+    """Return a list of the values, or raise UprightError unless all of them are of this class."""
+    listed = list(values) if isinstance(values, Iterable) else None
+    if listed is None or not all(isinstance(value, kind) for value in listed):
+        raise UprightError(f"{name} is {reprlib.repr(values)}; it must be {expected}")
+    return listed
 
 
 def did_you_mean(value: object, allowed: Iterable[str]) -> str:

@@ -154,6 +154,18 @@ def test_every_command_accepts_json(saved, tmp_path, capsys):
     assert header == saved.policy.contract()
 
 
+@pytest.mark.parametrize("parameters", [{"half_length": -1}, {"length": 1}, {"gravity": "9.8"}])
+def test_what_play_refuses_show_refuses_alike(parameters, path, capsys):
+    task = LEARNED_ON | {"parameters": parameters}
+    path.write_text(json.dumps(next(iter(FORMS.values())) | {"task": task}))
+    said = []
+    for command in ("play", "show"):
+        assert run([command, str(path)]) == BAD_USE
+        said.append(capsys.readouterr().err)
+    assert said[0] == said[1]
+    assert said[0].startswith(f"upright: error: policy is '{path}'; it cannot be read: ")
+
+
 # ------------------------------------------------------------------------------ the format
 
 

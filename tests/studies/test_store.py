@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers import python, write_results
 
+from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.studies.case import make_case
@@ -187,6 +188,64 @@ def test_a_missing_file_is_refused_if_it_must_exist(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def test_a_file_is_made_when_the_first_run_is_stored(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as store:
+        assert store.finished(KEY, 1) == set()
+        assert store.results(KEY, 1) == store.cases() == []
+        assert store.version(KEY, 1) is None
+        assert not list(tmp_path.iterdir())
+        with Store(path) as other:
+            other.add(KEY, 1, result(0, 1))
+        assert store.finished(KEY, 1) == {0}
+        store.add(KEY, 1, result(1, 1))
+        assert store.finished(KEY, 1) == {0, 1}
+
+
+def test_a_study_that_fails_leaves_no_file(tmp_path):
+    case = make_case("random-search", steps=300)
+    with Store(tmp_path / "results.db") as store:
+        with pytest.raises(UprightError, match="runs is 0"):
+            study([case], 0, 0, store)
+        with pytest.raises(UprightError, match="cases is"):
+            study([case, "reinforce"], 1, 0, store)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("wrong", [3, ["runs.sqlite"], b"runs.sqlite", True])
+def test_what_is_not_a_path_is_refused(wrong):
+    with pytest.raises(UprightError, match=r"^store is .*; it must be the path of a file"):
+        Store(wrong)
+
+
+# ------------------------------------------------------------------------------ versions
+
+
+def test_the_version_that_made_the_runs_is_kept(store, monkeypatch):
+    store.add(KEY, 1, result(0, 1))
+    assert store.version(KEY, 1) == __version__
+    monkeypatch.setattr("upright.studies.store.__version__", "9.9")
+    store.add(KEY, 1, result(1, 1))
+    assert store.version(KEY, 1) == f"{__version__} and 9.9"
+    assert store.version(KEY, 2) is None
+
+
+def test_a_store_of_an_earlier_version_names_none_until_runs_are_added(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as store:
+        store.add(KEY, 1, result(0, 1))
+    database = sqlite3.connect(path)
+    database.execute("ALTER TABLE runs DROP COLUMN version")
+    database.close()
+    with Store(path) as store:
+        assert store.version(KEY, 1) is None
+        assert rows(store) == [(0, True, [1], 0.5)]
+        store.add(KEY, 1, result(1, 1))
+        store.add(KEY, 2, result(0, 1))
+        assert store.version(KEY, 1) is None
+        assert store.version(KEY, 2) == __version__
+
+
 def test_an_empty_file_becomes_a_store(tmp_path):
     path = tmp_path / "results.db"
     path.touch()
@@ -272,7 +331,7 @@ def within_a_write(statement):
         die()
 
 store = Store({path!r})
-store._database.set_trace_callback(within_a_write)
+store._open().set_trace_callback(within_a_write)
 study([make_case("random-search", steps=500)], 30, 7, store, after_a_result)
 """
 

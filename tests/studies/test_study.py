@@ -236,6 +236,22 @@ def test_bad_numbers_of_runs_and_seeds_are_refused(runs, seed, name):
         study(CASES, runs, seed, store)
 
 
+@pytest.mark.parametrize("cases", ["reinforce", CASES[0], [CASES[0], "reinforce"], None])
+def test_what_is_no_case_is_refused(cases):
+    with pytest.raises(UprightError, match=r"^cases is .*; it must be a list of what make_case"):
+        study(cases, 1)
+
+
+def test_what_is_no_store_is_refused():
+    with pytest.raises(UprightError, match=r"store is 'runs\.sqlite'; it must be a Store"):
+        study(CASES, 1, 0, "runs.sqlite")
+
+
+def test_a_run_of_what_is_no_case_is_refused():
+    with pytest.raises(UprightError, match="case is 'reinforce'; it must be what make_case"):
+        make_run("reinforce", 0, 0)
+
+
 def test_unknown_settings_are_refused():
     with pytest.raises(UprightError, match="settings is 'best'; it must be one of default"):
         make_case("random-search", "best")

@@ -11,7 +11,7 @@ from typing import Any
 
 from upright.agents.custom import name_of
 from upright.core.contracts import AnyAgent
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require_kind, require_one_of
 from upright.policies.checks import explained
 from upright.policies.policy import Policy
 from upright.support.files import check_output, write_file
@@ -56,6 +56,8 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     >>> upright.load_policy("policy.npz").agent
     'q-learning'
     """
+    require_kind("path", path, (str, Path), "the path of a file")
+    require_kind("policy", policy, Policy, "what learn or load_policy returns")
     ending = ".json" if Path(path).suffix == ".json" else ".npz"
     write_file(path, FORMATS.module(ending).encode(policy))
 
@@ -84,6 +86,8 @@ def export_policy(path: Path | str, policy: Policy) -> None:
     >>> upright.load_policy("policy.json").agent
     'q-learning'
     """
+    require_kind("path", path, (str, Path), "the path of a file")
+    require_kind("policy", policy, Policy, "what learn or load_policy returns")
     write_file(path, FORMATS.module(check_export(path).suffix).encode(policy))
 
 
@@ -126,6 +130,7 @@ def load_policy(path: Path | str, agent: AnyAgent | None = None) -> Policy:
     >>> policy.task["noise"], policy.task["steps"]
     ('none', 300)
     """
+    require_kind("path", path, (str, Path), "the path of a file")
     policy: Policy = _reader(path).read(path, agent if agent is None else name_of(agent))
     return policy
 

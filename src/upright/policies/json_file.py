@@ -56,6 +56,8 @@ def read_header(path: Path | str) -> dict[str, Any]:
     """Return everything in a file except the numbers of its form."""
     with explained(path):
         entries = _read_entries(path)
+        restore_form(entries)
+        read_task(entries["task"])
     return {name: value for name, value in entries.items() if name not in NUMBERS}
 
 

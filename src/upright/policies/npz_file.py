@@ -159,7 +159,9 @@ def read(path: Path | str, agent: str | None) -> Policy:
 def read_header(path: Path | str) -> dict[str, Any]:
     """Return the header of an archive."""
     with _opened(path) as archive:
-        return _read_header(archive)
+        header = _read_header(archive)
+        read_task(header["task"])
+    return header
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from upright.core.contracts import Agent, Plant
 from upright.core.parameters import State
 from upright.core.task import Task
 from upright.core.trials import Result, run
-from upright.errors import require
+from upright.errors import require, require_kind
 from upright.pictures.picture import picture
 from upright.pictures.size import SIZE, Size
 from upright.pictures.video import write_video
@@ -153,6 +153,7 @@ def play(
     >>> [outcome.balanced for outcome in played]
     [True, True, True, True, True]
     """
+    require_kind("policy", policy, Policy, "what learn or load_policy returns")
     require("episodes", episodes, 1, 10**6, whole=True)
     require("seed", seed, 0, 2**63 - 1, whole=True)
     case = case_for(policy, **({"steps": policy.learned_on.steps} | changes))

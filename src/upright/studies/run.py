@@ -17,7 +17,7 @@ from upright.core.contracts import Plant
 from upright.core.loops import loop_for
 from upright.core.task import Task, draw_plant
 from upright.core.trials import Result
-from upright.errors import AgentError, require_module, require_one_of
+from upright.errors import AgentError, require_kind, require_module, require_one_of
 from upright.plants import PLANTS
 from upright.plants.settings import RunContext
 from upright.studies.case import Case
@@ -108,6 +108,7 @@ def make_run(
     >>> result.success, result.trials
     (True, 1)
     """
+    require_kind("case", case, Case, "what make_case returns")
     rng = (numbers or random_numbers)(seed, run)
     agent, task = new_agent(case, rng), make_run_task(case, seed, run)
     lengths = np.zeros(case.spec.trials, np.int64) if lengths is None else lengths

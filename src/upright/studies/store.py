@@ -1,17 +1,20 @@
 """Stores results in SQLite: a row for every finished run, written as it ends."""
 
 import json
+import os
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
 
+from upright import __version__
 from upright.core.trials import Result
-from upright.errors import UprightError
+from upright.errors import UprightError, require_kind
 from upright.support.short_repr import counted
 
 APPLICATION_ID = 0x55505254
@@ -31,6 +34,7 @@ CREATE TABLE IF NOT EXISTS runs (
     lengths BLOB NOT NULL,
     seconds REAL NOT NULL,
     ended TEXT NOT NULL DEFAULT (datetime('now')),
+    version TEXT,
     PRIMARY KEY (case_id, seed, run)
 ) WITHOUT ROWID;
 """
@@ -42,8 +46,8 @@ class Store:
     Parameters
     ----------
     path
-        Path of the database; created if missing (its folder must exist). Without one, results are
-        kept in memory.
+        Path of the database; if there is none, it is created when the first run is stored (its
+        folder must exist). Without a path, results are kept in memory.
 
     Raises
     ------
@@ -63,20 +67,17 @@ class Store:
     """
 
     def __init__(self, path: Path | str | None = None, *, must_exist: bool = False) -> None:
+        require_kind("store", path, (str, Path, NoneType), "the path of a file")
         self.path = path
-        name = ":memory:" if path is None else str(path)
-        if path is not None and must_exist and not Path(path).is_file():
-            raise UprightError(f"store is {name!r}; there is no such file")
-        if path is not None and not Path(path).parent.is_dir():
-            raise UprightError(f"store is {name!r}; its folder does not exist")
-        with self._explaining_errors():
-            self._database = sqlite3.connect(name, timeout=PATIENCE, isolation_level=None)
-        try:
-            with self._explaining_errors():
-                self._prepare()
-        except BaseException:
-            self._database.close()
-            raise
+        self._database: sqlite3.Connection | None = None
+        if path is None or Path(path).exists():
+            self._open()
+        elif must_exist:
+            raise UprightError(f"store is {str(path)!r}; there is no such file")
+        elif not Path(path).parent.is_dir():
+            raise UprightError(f"store is {str(path)!r}; its folder does not exist")
+        elif not os.access(Path(path).parent, os.W_OK):
+            raise UprightError(f"store is {str(path)!r}; its folder cannot be written to")
 
     def __enter__(self) -> "Store":
         return self
@@ -102,20 +103,42 @@ class Store:
         except sqlite3.Error as error:
             raise UprightError(f"store is {str(self.path)!r}; it cannot be used: {error}") from None
 
-    def _prepare(self) -> None:
-        ((tables,),) = self._database.execute("SELECT count(*) FROM sqlite_master")
-        ((application,),) = self._database.execute("PRAGMA application_id")
+    def _open(self) -> sqlite3.Connection:
+        """Open the file, and create it if need be."""
+        name = ":memory:" if self.path is None else str(self.path)
+        with self._explaining_errors():
+            database = sqlite3.connect(name, timeout=PATIENCE, isolation_level=None)
+        try:
+            with self._explaining_errors():
+                self._prepare(database)
+        except BaseException:
+            database.close()
+            raise
+        self._database = database
+        return database
+
+    def _rows(self, query: str, values: Sequence[object] = ()) -> list[Any]:
+        """Return what the file holds, which is nothing while there is none."""
+        if self._database is None and not Path(str(self.path)).exists():
+            return []
+        database = self._database or self._open()
+        with self._explaining_errors():
+            return database.execute(query, values).fetchall()
+
+    def _prepare(self, database: sqlite3.Connection) -> None:
+        ((tables,),) = database.execute("SELECT count(*) FROM sqlite_master")
+        ((application,),) = database.execute("PRAGMA application_id")
         if application != APPLICATION_ID:
             if application or tables:
                 raise UprightError(
                     f"store is {str(self.path)!r}; it is a database of another program"
                 )
-            self._database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        self._write_ahead()
-        self._database.execute("PRAGMA synchronous = NORMAL")
-        self._database.executescript(SCHEMA)
+            database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        self._write_ahead(database)
+        database.execute("PRAGMA synchronous = NORMAL")
+        database.executescript(SCHEMA)
 
-    def _write_ahead(self) -> None:
+    def _write_ahead(self, database: sqlite3.Connection) -> None:
         """Switch to the write-ahead log, so that a killed process loses nothing.
 
         While another process does the same, SQLite fails at once instead of waiting.
@@ -123,7 +146,7 @@ class Store:
         until = time.monotonic() + PATIENCE
         while True:
             try:
-                self._database.execute("PRAGMA journal_mode = WAL")
+                database.execute("PRAGMA journal_mode = WAL")
             except sqlite3.OperationalError as error:
                 if "locked" not in str(error) or time.monotonic() > until:
                     raise
@@ -133,12 +156,8 @@ class Store:
 
     def finished(self, key: str, seed: int) -> set[int]:
         """Return the numbers of the finished runs of a case."""
-        with self._explaining_errors():
-            rows = self._database.execute(
-                "SELECT run FROM runs JOIN cases ON id = case_id WHERE key = ? AND seed = ?",
-                (key, seed),
-            )
-            return {run for (run,) in rows}
+        query = "SELECT run FROM runs JOIN cases ON id = case_id WHERE key = ? AND seed = ?"
+        return {run for (run,) in self._rows(query, (key, seed))}
 
     def add(self, key: str, seed: int, result: Result) -> None:
         """Store a finished run; a stored run with the same number is kept instead.
@@ -149,38 +168,61 @@ class Store:
             If the disk is full or the file cannot be written.
         """
         lengths = result.lengths.astype("<i4").tobytes()
-        row = (seed, result.run, result.success, lengths, result.seconds, key)
-        with self._explaining_errors(), self._database:
-            self._database.execute("BEGIN IMMEDIATE")
-            self._database.execute("INSERT OR IGNORE INTO cases (key) VALUES (?)", (key,))
-            self._database.execute(
-                "INSERT OR IGNORE INTO runs (case_id, seed, run, success, lengths, seconds) "
-                "SELECT id, ?, ?, ?, ?, ? FROM cases WHERE key = ?",
+        row = (seed, result.run, result.success, lengths, result.seconds, __version__, key)
+        database = self._database or self._open()
+        with self._explaining_errors(), database:
+            database.execute("BEGIN IMMEDIATE")
+            if not self._names_versions():  # in a store of version 0.2 or earlier
+                database.execute("ALTER TABLE runs ADD COLUMN version TEXT")
+            database.execute("INSERT OR IGNORE INTO cases (key) VALUES (?)", (key,))
+            database.execute(
+                "INSERT OR IGNORE INTO runs (case_id, seed, run, success, lengths, seconds, "
+                "version) SELECT id, ?, ?, ?, ?, ?, ? FROM cases WHERE key = ?",
                 row,
             )
 
+    def _names_versions(self) -> bool:
+        """Whether the file has a place for the versions that runs were made with."""
+        return bool(self._rows("SELECT 1 FROM pragma_table_info('runs') WHERE name = 'version'"))
+
     def results(self, key: str, seed: int, runs: int | None = None) -> list[Result]:
         """Return the finished runs of a case in order, or the first `runs` of them."""
-        with self._explaining_errors():
-            rows = self._database.execute(
-                "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
-                "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
-                (key, seed, 2**62 if runs is None else runs),
-            ).fetchall()
+        rows = self._rows(
+            "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
+            "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
+            (key, seed, 2**62 if runs is None else runs),
+        )
         return [
             Result(run, bool(success), np.frombuffer(lengths, "<i4").astype(np.int64), seconds)
             for run, success, lengths, seconds in rows
         ]
 
+    def version(self, key: str, seed: int) -> str | None:
+        """Return the version of this package that made the runs of a case, or all such versions.
+
+        Returns
+        -------
+        str or None
+            None if the version of any run is not known.
+        """
+        if not self._names_versions():
+            return None
+        rows = self._rows(
+            "SELECT DISTINCT version FROM runs JOIN cases ON id = case_id "
+            "WHERE key = ? AND seed = ? ORDER BY version",
+            (key, seed),
+        )
+        versions = [version for (version,) in rows]
+        return None if None in versions or not versions else " and ".join(versions)
+
     def cases(self) -> list[tuple[dict[str, Any], str, int]]:
         """Return the stored cases: each as a dictionary, its key, and a seed."""
-        with self._explaining_errors():
-            rows = self._database.execute(
-                "SELECT DISTINCT key, seed FROM runs JOIN cases ON id = case_id "
-                "ORDER BY case_id, seed"
-            ).fetchall()
+        rows = self._rows(
+            "SELECT DISTINCT key, seed FROM runs JOIN cases ON id = case_id ORDER BY case_id, seed"
+        )
         return [(json.loads(key), key, seed) for key, seed in rows]
 
     def close(self) -> None:
         """Close the file."""
-        self._database.close()
+        if self._database is not None:
+            self._database.close()

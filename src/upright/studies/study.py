@@ -9,6 +9,7 @@ from dataclasses import replace
 from os import cpu_count
 from pathlib import Path
 from queue import SimpleQueue
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from upright.agents import is_custom
 from upright.core.compiled import is_compiled
 from upright.core.conditions import RUNS
 from upright.core.trials import Result
-from upright.errors import AgentError, UprightError, require
+from upright.errors import AgentError, UprightError, require, require_all, require_kind
 from upright.studies import matlab_twin
 from upright.studies.case import Case
 from upright.studies.definitions import is_in_main, pack, receive, unpack
@@ -97,7 +98,8 @@ def study(
     [10, 10]
     """
     check_study(runs, seed)
-    cases = list(cases)
+    cases = require_all("cases", cases, Case, "a list of what make_case returns")
+    require_kind("store", store, (Store, NoneType), "a Store")
     if store is None:
         with Store() as memory:
             return study(cases, runs, seed, memory, on_result, executor)
