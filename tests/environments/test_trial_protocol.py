@@ -115,7 +115,7 @@ def test_no_step_is_made_after_the_end_of_a_run():
     env.reset()
     env.step(0)
     for call in (env.reset, lambda: env.step(0)):
-        with pytest.raises(RunOver, match="over after 1 trials: a trial succeeded"):
+        with pytest.raises(RunOver, match="over after 1 trial: a trial succeeded"):
             call()
     assert env.env.made == 1
 

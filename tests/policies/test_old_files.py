@@ -5,6 +5,7 @@ their headers have the names of settings and of parts of a task that version had
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -40,8 +41,10 @@ def figures(path):
 
 
 def show(path):
+    wide = os.environ | {"COLUMNS": "1000"}  # so that a table has all its columns
+    line = [*COMMAND, "show", str(path)]
     return subprocess.run(
-        [*COMMAND, "show", str(path)], capture_output=True, text=True, timeout=100, check=True
+        line, capture_output=True, text=True, timeout=100, check=True, env=wide
     ).stdout
 
 
@@ -62,8 +65,13 @@ def test_every_file_is_read():
 
 def test_the_rows_of_a_store_are_shown():
     shown = show(FOLDER / "store.sqlite")
-    column = re.split(" {2,}", shown.partition("\n")[0]).index("Task")  # not in version 0.1.0
     cells = [re.split(" {2,}", line.strip()) for line in shown.splitlines()]
-    lines = [" ".join(line[:column] + line[column + 1 :]) for line in cells]
+    newer = [cells[0].index(head) for head in cells[0] if head in ("Task", "Runs", "Seed")]
+    assert newer  # columns that version 0.1.0 did not have
+    lines = [" ".join(cell for i, cell in enumerate(line) if i not in newer) for line in cells]
     for row in EXPECTED["rows"]:
         assert any(line.startswith(row) for line in lines), row
+
+
+def test_the_rows_of_a_store_that_names_no_version_are_not_said_to_be_of_this_one():
+    assert "upright 0." not in show(FOLDER / "store.sqlite")

@@ -1,21 +1,24 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from upright.core.trials import Result
-from upright.reports.statistics import summarise
+from upright.errors import UprightError
+from upright.reports.statistics import in_order, summarise
 from upright.reports.tables import (
+    mean_text,
     render,
     study_table,
+    success_text,
     to_csv,
     to_json,
     to_latex,
     to_markdown,
-    to_text,
 )
 from upright.studies.case import make_case
 from upright.studies.intervals import bootstrap_interval, wilson_interval
@@ -122,7 +125,6 @@ def test_every_line_of_every_table_has_all_columns(rows):
     ands = [line for line in to_latex(table).splitlines() if line.endswith(r"\\")]
     assert {line.replace(r"\&", "").count("&") for line in ands} == {len(table.head) - 1}
     assert all("%" not in line.replace(r"\%", "") for line in ands)
-    assert "6.0 [" in to_text(table)
 
 
 def test_render_knows_its_formats(rows):
@@ -130,3 +132,112 @@ def test_render_knows_its_formats(rows):
     assert render(rows, "csv") == to_csv(rows)
     with pytest.raises(ValueError, match=r"'html'.*text, markdown"):
         render(rows, "html")
+
+
+# ------------------------------------------------------------------------------ text
+
+
+LONG_NAME = "examples.compiled_agent:hill_climber_with_a_long_name"
+
+
+def wide_rows(*agents, **differing):
+    """Return rows of agents on two noise cases, with figures that take much room."""
+    case = make_case("random-search", steps=60_000)
+    results = [result(run, 300 + 400 * run, steps=60_000) for run in range(2)]
+    row = replace(summarise(case, 0, results), **differing)
+    return [
+        replace(row, agent=agent, task=replace(row.task, noise=noise))
+        for agent in agents
+        for noise in ("none", "gaussian-0.2")
+    ]
+
+
+@pytest.mark.parametrize("width", [60, 80, 120, 200])
+@pytest.mark.parametrize("agents", [("ndp", "reinforce"), ("ndp", LONG_NAME)])
+@pytest.mark.parametrize("sources", [False, True])
+def test_no_line_of_a_text_is_wider_than_asked_for_and_nothing_is_cut(width, agents, sources):
+    rows = wide_rows(*agents)
+    shown = render(rows, "text", width=width, sources=sources)
+    assert max(map(len, shown.splitlines())) <= width
+    for agent in agents:
+        assert agent in shown
+    plain = " ".join(shown.split())
+    for row in rows:
+        assert f"{success_text(row)} {mean_text(row)}" in plain
+    for head in study_table(rows).head[3:]:  # in a table, or in the note that it is not
+        assert head in plain
+    assert ("Not shown" in plain) == (not sources and width < 132)
+
+
+def test_a_text_at_80_columns():
+    shown = render(wide_rows("ndp", "adaptive-lqr"), "text", width=80)
+    assert shown.splitlines()[:3] == [
+        "Agent         Noise                 Success           Mean trials  Median    p95",
+        "─" * 80,
+        "ndp           none          100 % [34, 100]  500.0 [300.0, 700.0]   500.0  680.0",
+    ]
+
+
+def test_a_text_with_long_names_at_60_columns():
+    shown = render(wide_rows("ndp", LONG_NAME), "text", width=61)
+    assert shown.splitlines()[:8] == [
+        "  Noise                 Success           Mean trials  Median",
+        "─────────────────────────────────────────────────────────────",
+        "ndp",
+        "  none          100 % [34, 100]  500.0 [300.0, 700.0]   500.0",
+        "  gaussian-0.2  100 % [34, 100]  500.0 [300.0, 700.0]   500.0",
+        LONG_NAME,
+        "  none          100 % [34, 100]  500.0 [300.0, 700.0]   500.0",
+        "  gaussian-0.2  100 % [34, 100]  500.0 [300.0, 700.0]   500.0",
+    ]
+
+
+def test_what_all_rows_share_is_a_note_and_what_differs_is_a_column():
+    rows = wide_rows("ndp")
+    assert "\nSettings: default.\n" in render(rows, "text", width=200)
+    assert "Settings" not in render(rows, "text", width=200).splitlines()[0]
+    several = [rows[0], replace(rows[1], settings="as-published", seed=4, runs=7)]
+    head = render(several, "text", width=200).splitlines()[0].split()
+    assert head[:5] == ["Agent", "Settings", "Noise", "Runs", "Seed"]
+
+
+def test_where_published_figures_are_from_is_said_if_asked_for():
+    rows = wide_rows("ndp")
+    assert "IEEE Trans." in render(rows, "text", width=200, sources=True)
+    assert "IEEE Trans." not in render(rows, "text", width=200)
+    for name in ("markdown", "latex"):
+        assert "IEEE Trans." in render(rows, name)
+
+
+def test_letters_that_take_two_columns_are_counted_so():
+    lines = render(wide_rows("module:倒立", "ndp"), "text", width=200).splitlines()
+    assert lines[2].startswith("module:倒立  none")
+    assert lines[4].startswith("ndp          none")
+
+
+def test_numbers_are_flush_right_in_latex(rows):
+    head = to_latex(study_table(rows)).partition(r"\toprule")[0]
+    assert r"\begin{tabular}{llll" + "r" * 9 + "}" in head  # rows differ in their runs, too
+
+
+@pytest.mark.parametrize(("version", "said"), [("0.1.0", "upright 0.1.0."), (None, "seed 0.")])
+def test_the_version_that_made_the_runs_is_named_if_it_is_known(version, said):
+    (note, *_) = study_table(wide_rows("ndp", version=version)).notes
+    assert note.endswith(said)
+
+
+def test_rows_stand_in_the_order_of_a_table():
+    agents = ["adaptive-lqr", "reinforce", "random-search", "mine:B", "mine:A"]
+    rows = wide_rows(*agents)
+    others = [replace(row, settings="as-published") for row in rows[:2]]
+    expected = [*rows[:2], *others, *rows[2:]]
+    given = sorted(expected, key=lambda row: (row.task.noise, row.settings, row.agent != "mine:B"))
+    assert in_order(given) == expected
+
+
+@pytest.mark.parametrize("wrong", [3, "rows", [1], None])
+def test_what_is_no_row_is_refused_by_name(wrong, rows):
+    with pytest.raises(UprightError, match=r"^rows is .*; it must be a list of what summarise"):
+        render(wrong, "text")
+    with pytest.raises(UprightError, match=r"^rows is Row"):
+        render(rows[0], "text")

@@ -21,6 +21,7 @@ from upright.core.trials import Result
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.errors import UprightError, require
 from upright.plants.equations import Equations
+from upright.support.words import count
 
 
 class RunOver(Exception):  # noqa: N818 - not an error, just as StopIteration is not
@@ -146,7 +147,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
         if not self.over:
             raise UprightError(
                 f"the run is at trial {self._ended + 1:,}; it is over after a success, or after "
-                f"{self.trials:,} trials"
+                f"{count(self.trials, 'trial')}"
             )
         return Result(run, self.succeeded, self.lengths.copy(), self._seconds)
 
@@ -197,7 +198,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
         """Raise RunOver if the run is over."""
         if self.over:
             reason = "a trial succeeded" if self.succeeded else "no trial succeeded"
-            raise RunOver(f"the run is over after {self._ended:,} trials: {reason}")
+            raise RunOver(f"the run is over after {count(self._ended, 'trial')}: {reason}")
 
 
 def run_learner(

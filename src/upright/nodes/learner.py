@@ -21,6 +21,7 @@ from upright.studies.playing import case_for, play_run
 from upright.studies.run import make_run
 from upright.studies.watching import print_trial, watch
 from upright.support.exit_status import FAILED, exit_status
+from upright.support.words import count
 
 
 def balance(node: Node, settings: LearnerSettings) -> bool:
@@ -59,7 +60,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
 
     memory, result = watch(case, work, show, stop)
     if cart.missed:
-        print(f"{cart.missed:,} control periods passed without a new command")
+        print(f"{count(cart.missed, 'control period')} passed without a new command")
     if settings.save:
         save_learned(settings.save, case, settings.seed, 0, memory)
     return result.success

@@ -4,6 +4,8 @@ from array import array
 
 import numpy as np
 
+from upright.support.words import count
+
 
 class Punctuality:
     """Statistics of the control periods of a trial, from the first command to the last."""
@@ -44,7 +46,7 @@ class Punctuality:
         p50, p99, worst = 1e3 * np.quantile(np.abs(delays), (0.5, 0.99, 1.0))
         latency50, latency99 = 1e3 * np.quantile(np.array(self._latencies), (0.5, 0.99))
         return (
-            f"{len(delays):,} periods, {self._missed:,} missed; jitter: p50 {p50:.2f} ms, "
+            f"{count(len(delays), 'period')}, {self._missed:,} missed; jitter: p50 {p50:.2f} ms, "
             f"p99 {p99:.2f} ms, max {worst:.2f} ms; command latency: p50 {latency50:.2f} ms, "
             f"p99 {latency99:.2f} ms"
         )

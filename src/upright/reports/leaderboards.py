@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from upright import __version__
 from upright.agents import AGENTS
 from upright.core.conditions import PUBLISHED_NOISES, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.core.parameters import Parameters
@@ -23,6 +24,7 @@ from upright.studies.store import Store
 from upright.studies.study import check_study
 from upright.support.files import check_output, write_file
 from upright.support.settings import as_options
+from upright.support.words import count
 
 STARTS_SHOWN = {
     "random": "Start within ±0.05",
@@ -168,7 +170,7 @@ def board(columns: Columns, published: bool = False) -> str:
     ]
     for source, figures in _published(columns) if published else ():
         rule = f" ({source.agent})" if source.agent else ""
-        name = f"*{source.name}{rule}, {source.runs} runs, N = {source.steps:,}*"
+        name = f"*{source.name}{rule}, {count(source.runs, 'run')}, N = {source.steps:,}*"
         body.append([name, "", *(number(figure, 2) for figure in figures)])
     return to_markdown(Table(["Agent", "Mean rank", *columns], body, []))
 
@@ -316,7 +318,7 @@ def _heading(plan: BoardPlan) -> str:
     changed = "".join(f", {name} {value}" for name, value in plan.parameters.items())
     return (
         f"Mean number of trials until the pole stays up for N = {plan.steps:,} steps;\n"
-        f"{plan.runs} runs per case, seed {plan.seed}{changed}.\n"
+        f"{count(plan.runs, 'run')} per case, seed {plan.seed}{changed}.\n"
     )
 
 
@@ -336,8 +338,8 @@ ROBUST_BOARD = Board("robust", ROBUST, robust_page, robust_text)
 
 
 def _version(rows: Columns) -> str:
-    """Return the version of the package that measured a board."""
-    return next(iter(rows.values()))[0].version
+    """Return the version of the package that measured a board, or that writes it."""
+    return next(iter(rows.values()))[0].version or __version__
 
 
 def _origin(plan: BoardPlan, command: str, version: str) -> str:
@@ -352,7 +354,7 @@ def _origin(plan: BoardPlan, command: str, version: str) -> str:
     files = {"output": plan.output, "store": plan.store}
     arguments += [f"--{name} {shlex.quote(str(path))}" for name, path in files.items() if path]
     line = " ".join(["upright", command, *arguments])
-    origin = f"{plan.runs} runs per case; generated with\n`{line}`, upright {version}."
+    origin = f"{count(plan.runs, 'run')} per case; generated with\n`{line}`, upright {version}."
     if not plan.parameters:
         return origin
     values = ", ".join(f"{name} {value}" for name, value in plan.parameters.items())

@@ -31,6 +31,8 @@ from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.studies.study import check_study
 from upright.support.files import write_file
+from upright.support.terminal import end_notice
+from upright.support.words import count
 
 SHOWN = (
     ("reinforce", "as-published"),
@@ -86,9 +88,10 @@ def reproduce(
     except OSError as error:
         why = f"the folder cannot be created: {error.strerror}"
         raise UprightError(f"output is {str(folder)!r}; {why}") from None
+    end_notice()
     say(
-        f"{len(SHOWN)} agents and settings × {len(PUBLISHED_NOISES)} noise cases × {runs} runs, "
-        f"seed {seed}"
+        f"{len(SHOWN)} agents and settings × {len(PUBLISHED_NOISES)} noise cases × "
+        f"{count(runs, 'run')}, seed {seed}"
     )
     with Store(folder / "runs.sqlite") as store:
         study_with_progress(cases, runs, seed, store)
@@ -148,7 +151,7 @@ def report(rows: list[Row]) -> str:
     row = rows[0]
     total = sum(row.steps_simulated for row in rows)
     step = Parameters().time_step
-    protocol = f"{row.runs} runs per case, N = {row.task.steps:,} steps of {step} s"
+    protocol = f"{count(row.runs, 'run')} per case, N = {row.task.steps:,} steps of {step} s"
     protocol += f", at most {TRIALS:,} trials per run"
     return f"""# The report's tables, reproduced
 

@@ -2,13 +2,17 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from upright import __version__
+from upright.agents import AGENTS
+from upright.core.conditions import NOISES
 from upright.core.task import TaskSpec
 from upright.core.trials import Result
+from upright.errors import require_all, require_kind
 from upright.plants import PLANTS
 from upright.reports.published import figures
 from upright.studies.case import Case, named
@@ -61,8 +65,8 @@ class Row:
     """Published mean trials of the same task, by source."""
     seed: int
     """Seed of the study."""
-    version: str = __version__
-    """Version of this package."""
+    version: str | None = __version__
+    """Version of this package that made the runs; None if that is not known."""
     language: str = "Python"
     """Language that the runs were made in."""
     plant: str = "equations"
@@ -104,7 +108,12 @@ class Row:
 
 
 def summarise(
-    case: Case, seed: int, results: Sequence[Result], *, environment: str | None = None
+    case: Case,
+    seed: int,
+    results: Sequence[Result],
+    *,
+    environment: str | None = None,
+    version: str | None = __version__,
 ) -> Row:
     """Return the statistics of a case over its runs.
 
@@ -119,6 +128,8 @@ def summarise(
     environment
         Name of the environment that the runs were made in, if it was not the case's plant: the row
         is named after it, and has no published figures.
+    version
+        Version of this package that made the runs; None if that is not known.
 
     Returns
     -------
@@ -136,6 +147,8 @@ def summarise(
     >>> low < row.mean_trials < high
     True
     """
+    require_kind("case", case, Case, "what make_case returns")
+    results = require_all("results", results, Result, "a list of what study returns of a case")
     trials = np.array([result.trials for result in results if result.success])
     all_trials = np.array([result.trials for result in results])
     succeeded = len(trials) > 0
@@ -160,6 +173,7 @@ def summarise(
         seconds=sum(result.seconds for result in results),
         published=figures(case.agent, case.spec, plant, plant_settings),
         seed=seed,
+        version=version,
         language=case.language,
         plant=plant,
         plant_settings={} if environment else plant_settings,
@@ -168,4 +182,45 @@ def summarise(
 
 def summarise_all(cases: Iterable[Case], runs: int, seed: int, store: Store) -> list[Row]:
     """Return the statistics of the first `runs` runs of each case."""
-    return [summarise(case, seed, store.results(case.key, seed, runs)) for case in cases]
+    return [_stored_row(case, seed, store, case.key, runs) for case in cases]
+
+
+def stored_rows(path: Path | str) -> list[Row]:
+    """Return the statistics of all cases of a store, in the order of a table.
+
+    Raises
+    ------
+    UprightError
+        If the file is missing or not a store.
+    """
+    with Store(path, must_exist=True) as store:
+        found = [(Case.from_data(values), seed, key) for values, key, seed in store.cases()]
+        return in_order([_stored_row(case, seed, store, key) for case, seed, key in found])
+
+
+def _stored_row(case: Case, seed: int, store: Store, key: str, runs: int | None = None) -> Row:
+    results = store.results(key, seed, runs)
+    return summarise(case, seed, results, version=store.version(key, seed))
+
+
+def in_order(rows: Iterable[Row]) -> list[Row]:
+    """Return rows in the order in which `upright table` has them.
+
+    Agents and noise cases stand as they are listed elsewhere; custom agents follow as they come.
+    """
+    rows = list(rows)
+    agents = list(dict.fromkeys([*AGENTS, *(row.agent for row in rows)]))
+    noises = list(NOISES)
+    return sorted(
+        rows,
+        key=lambda row: (
+            agents.index(row.agent),
+            row.name,
+            row.settings != "default",
+            row.settings,
+            str(row.task.as_data() | {"noise": ""}),
+            str(row.plant_settings),
+            row.seed,
+            noises.index(row.task.noise),
+        ),
+    )

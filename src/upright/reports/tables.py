@@ -3,13 +3,17 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+import textwrap
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.core.conditions import TRIALS
 from upright.core.parameters import changed_parameters
-from upright.errors import require_one_of
+from upright.errors import require_all, require_one_of
 from upright.reports.published import SOURCES
+from upright.support import terminal
+from upright.support.words import count
 
 if TYPE_CHECKING:
     from upright.reports.statistics import Row
@@ -22,6 +26,15 @@ class Table(NamedTuple):
     body: list[list[str]]
     notes: list[str]
     """Lines below the table."""
+    labels: int = 1
+    """Number of columns, from the left, that name a line; all others hold figures."""
+
+
+class Column(NamedTuple):
+    """A column of the table of a study."""
+
+    head: str
+    cells: list[str]
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -45,52 +58,74 @@ def success_text(row: "Row") -> str:
 
 
 def study_table(rows: Sequence["Row"]) -> Table:
-    """Return a table with a line for every case, beside the published figures.
+    """Return a table with a line for every case, beside the published figures."""
+    labels, sources = _labels(rows), _sources(rows)
+    columns = [*labels, *_figures(rows), *_published(rows, sources)]
+    body = [list(line) for line in zip(*(column.cells for column in columns), strict=True)]
+    notes = [*_notes(rows), *_citations(rows, sources)]
+    return Table([column.head for column in columns], body, notes, len(labels))
 
-    Where tasks differ in more than their noise, a column names them.
-    """
-    tasks = [_task_text(row) for row in rows]
-    differ = len(set(tasks)) > 1
-    sources = list(dict.fromkeys(name for row in rows for name in row.published))
-    measured = ["Agent", "Settings", "Noise", *(["Task"] if differ else [])]
-    measured += ["Success", "Mean trials", "Median", "p95", "Max"]
-    body = [
-        [
-            row.name,
-            row.settings,
-            row.task.noise,
-            *([task] if differ else []),
-            success_text(row),
-            mean_text(row),
-            number(row.median_trials),
-            number(row.p95_trials),
-            number(row.max_trials, 0),
-            *(number(row.published.get(source), 2) for source in sources),
-        ]
-        for row, task in zip(rows, tasks, strict=True)
+
+def _labels(rows: Sequence["Row"]) -> list[Column]:
+    """Return the columns that tell cases apart; some of them only where cases differ in it."""
+    labels = [
+        Column("Agent", [row.name for row in rows]),
+        Column("Settings", [row.settings for row in rows]),
+        Column("Noise", [row.task.noise for row in rows]),
     ]
-    return Table(measured + sources, body, _notes(rows, sources))
+    perhaps = [
+        Column("Task", [_task_text(row) for row in rows]),
+        Column("Runs", [str(row.runs) for row in rows]),
+        Column("Seed", [str(row.seed) for row in rows]),
+    ]
+    return labels + [column for column in perhaps if len(set(column.cells)) > 1]
 
 
-def _notes(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
-    agents = {row.agent for row in rows}
-    notes = sorted({_protocol(row) for row in rows})
-    notes.append(
+def _figures(rows: Sequence["Row"]) -> list[Column]:
+    texts: dict[str, Callable[[Row], str]] = {
+        "Success": success_text,
+        "Mean trials": mean_text,
+        "Median": lambda row: number(row.median_trials),
+        "p95": lambda row: number(row.p95_trials),
+        "Max": lambda row: number(row.max_trials, 0),
+    }
+    return [Column(head, list(map(text, rows))) for head, text in texts.items()]
+
+
+def _sources(rows: Sequence["Row"]) -> list[str]:
+    """Return the names of the sources that have published figures of these cases."""
+    return list(dict.fromkeys(name for row in rows for name in row.published))
+
+
+def _published(rows: Sequence["Row"], sources: Sequence[str]) -> list[Column]:
+    return [
+        Column(source, [number(row.published.get(source), 2) for row in rows]) for source in sources
+    ]
+
+
+def _notes(rows: Sequence["Row"]) -> list[str]:
+    """Return how the runs were made, and how the figures are to be read."""
+    return [
+        *sorted({_protocol(row) for row in rows}),
         "Mean trials, median, p95 and max are over the successful runs; every trial counts, "
-        "including the successful one. 95 % intervals are in brackets."
-    )
-    notes += [
+        "including the successful one. 95 % intervals are in brackets.",
+    ]
+
+
+def _citations(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
+    agents = {row.agent for row in rows}
+    return [
         f"{source.name}: {source.citation} ({source.protocol})."
         for source in SOURCES
         if source.name in sources and (source.agent is None or source.agent in agents)
     ]
-    return notes
 
 
 def _protocol(row: "Row") -> str:
     """Return how the runs of a row were made, with all values that differ from the usual ones."""
-    parts = [f"{row.runs} runs per case", _task_text(row)]
-    return ", ".join([*parts, f"seed {row.seed}, upright {row.version}."])
+    parts = [f"{count(row.runs, 'run')} per case", _task_text(row), f"seed {row.seed}"]
+    parts += [f"upright {row.version}"] if row.version else []
+    return ", ".join(parts) + "."
 
 
 def _task_text(row: "Row") -> str:
@@ -103,24 +138,123 @@ def _task_text(row: "Row") -> str:
     return ", ".join([*parts, *(f"{name} {value}" for name, value in changed.items())])
 
 
-def to_text(table: Table) -> str:
-    """Return a table as text for the terminal."""
-    from rich.console import Console
-    from rich.table import Table as RichTable
-    from rich.text import Text
+CORE = ("Success", "Mean trials", "Median")
+"""The figures that are shown even if lines must be broken for them."""
 
-    drawn = RichTable(box=None, pad_edge=False, header_style="")
-    for index, head in enumerate(table.head):
-        numeric = index > 0 and head not in ("Settings", "Noise", "Task")
-        drawn.add_column(head, justify="right" if numeric else "left", no_wrap=True)
-    for line in table.body:
-        drawn.add_row(*(Text(cell) for cell in line))
-    written = io.StringIO()
-    console = Console(file=written, width=1000, highlight=False, force_jupyter=False)
-    console.print(drawn)
-    lines = [line.rstrip() for line in written.getvalue().splitlines()]
-    lines.insert(1, "─" * max(len(line) for line in lines))
-    return "\n".join([*lines, "", *table.notes]) + "\n"
+
+def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = False) -> str:
+    """Return the table of a study as text that is as wide as the terminal.
+
+    Names that are too long for it stand above their lines. Columns for which there is no room are
+    left out, and a note names them.
+
+    Parameters
+    ----------
+    rows
+        Rows of the table.
+    width
+        Width [columns]; by default that of the terminal.
+    sources
+        Whether to leave nothing out, neither published figures nor where they were published; what
+        has no room stands in further tables below.
+    """
+    width = width or terminal.width()
+    labels = _labels(rows)
+    shared = {label.head: label.cells[0] for label in labels if len(set(label.cells)) == 1}
+    labels = [label for label in labels if label.head != "Settings" or "Settings" not in shared]
+    figures, published = _figures(rows), _published(rows, _sources(rows))
+    tables, left_out = [], []
+    if sources:
+        waiting = figures + published
+        while waiting:
+            some = _as_many_as_fit(labels, waiting, width)
+            tables.append(_lines(labels, some, width))
+            waiting = waiting[len(some) :]
+    else:
+        some = _as_many_as_fit(labels, figures, width)
+        whole = _as_many_as_fit(labels, figures + published, width)
+        some = whole if len(whole) == len(figures + published) else some
+        tables.append(_lines(labels, some, width))
+        left_out = [column.head for column in figures + published if column not in some]
+    notes = _notes(rows)
+    if "Settings" in shared:
+        notes.insert(0, f"Settings: {shared['Settings']}.")
+    heads = [column.head for column in published]
+    if sources:
+        notes += _citations(rows, heads)
+    elif left_out:
+        notes.append(f"Not shown: {', '.join(left_out)}; {ALL} shows everything.")
+    elif heads:
+        notes.append(f"Published mean trials: {', '.join(heads)}; {ALL} cites them.")
+    notes = [textwrap.fill(note, width, subsequent_indent="  ", **UNBROKEN) for note in notes]
+    return "\n".join([*("\n".join([*table, ""]) for table in tables), *notes]) + "\n"
+
+
+ALL = "--sources (in Python, sources=True)"
+"""How nothing is left out."""
+UNBROKEN: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
+"""How text is broken into lines: between words only."""
+
+
+def _as_many_as_fit(
+    labels: Sequence[Column], figures: Sequence[Column], width: int
+) -> list[Column]:
+    """Return the first figures that fit beside their labels, or below their names; at least one."""
+    core = [column for column in figures if column.head in CORE]
+    beside = _width([*labels, *core]) <= width
+    present = list(labels) if beside else [_indented(labels)]
+    fitting = next(
+        (n for n in range(len(figures), 1, -1) if _width([*present, *figures[:n]]) <= width), 1
+    )
+    return list(figures[:fitting])
+
+
+def _lines(labels: Sequence[Column], figures: Sequence[Column], width: int) -> list[str]:
+    """Return the lines of a table, with names above their lines if they are too long."""
+    if _width([*labels, *figures]) <= width:
+        return _aligned(labels, figures)
+    head, rule, *body = _aligned([_indented(labels)], figures)
+    others = [label for label in labels if label.head != "Noise"]
+    names = list(zip(*(label.cells for label in others), strict=True))
+    lines = [head, rule]
+    for name, group in groupby(zip(names, body, strict=True), key=lambda pair: pair[0]):
+        lines.append(textwrap.fill(", ".join(name), width, **UNBROKEN))
+        lines += [line for _, line in group]
+    return lines
+
+
+def _indented(labels: Sequence[Column]) -> Column:
+    """Return the labels that stand on a line whose name is above it."""
+    (noise,) = (label for label in labels if label.head == "Noise")
+    return Column(f"  {noise.head}", [f"  {cell}" for cell in noise.cells])
+
+
+def _aligned(labels: Sequence[Column], figures: Sequence[Column]) -> list[str]:
+    """Return the lines of a table: labels flush left, figures flush right."""
+    columns = [*labels, *figures]
+    padded = []
+    for place, column in enumerate(columns):
+        wide = _width([column])
+        texts = [column.head, *column.cells]
+        spaces = [" " * (wide - _cells(text)) for text in texts]
+        pairs = zip(texts, spaces, strict=True)
+        left = place < len(labels)
+        padded.append([text + space if left else space + text for text, space in pairs])
+    lines = ["  ".join(line).rstrip() for line in zip(*padded, strict=True)]
+    return [lines[0], "─" * _width(columns), *lines[1:]]
+
+
+def _width(columns: Sequence[Column]) -> int:
+    """Return the width of columns beside each other, two spaces apart."""
+    widths = [max(map(_cells, [column.head, *column.cells])) for column in columns]
+    return sum(widths) + 2 * (len(widths) - 1)
+
+
+def _cells(text: str) -> int:
+    """Return how many columns of a terminal a text takes: some letters of Asia take two."""
+    from rich.cells import cell_len
+
+    return cell_len(text)
 
 
 def to_markdown(table: Table) -> str:
@@ -137,7 +271,8 @@ def to_latex(table: Table) -> str:
     def line(cells: Sequence[str]) -> str:
         return " & ".join(_escape_latex(cell) for cell in cells) + r" \\"
 
-    head = [r"\begin{tabular}{" + "l" * len(table.head) + "}", r"\toprule"]
+    columns = "l" * table.labels + "r" * (len(table.head) - table.labels)
+    head = [r"\begin{tabular}{" + columns + "}", r"\toprule"]
     body = [line(table.head), r"\midrule", *map(line, table.body)]
     notes = [f"% {note}" for note in table.notes]
     return "\n".join([*notes, *head, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"
@@ -182,8 +317,10 @@ def _flatten(row: "Row") -> dict[str, object]:
 FORMATS = ("text", "markdown", "csv", "json", "latex")
 
 
-def render(rows: Sequence["Row"], format_name: str) -> str:
-    """Return the table of a study in one of the FORMATS.
+def render(
+    rows: Sequence["Row"], format_name: str, *, width: int | None = None, sources: bool = False
+) -> str:
+    """Return the table of a study in a format for reading or for programs.
 
     Parameters
     ----------
@@ -191,11 +328,17 @@ def render(rows: Sequence["Row"], format_name: str) -> str:
         Return values of `summarise`, one for each case.
     format_name
         "text", "markdown", "csv", "json" or "latex".
+    width
+        Width of a text [columns]; by default that of the terminal. Columns for which there is no
+        room are left out, and a note names them. All other formats have everything.
+    sources
+        Whether a text leaves nothing out and cites where published figures come from; what has no
+        room then stands in further tables below.
 
     Raises
     ------
     UprightError
-        If there is no such format.
+        If there is no such format, or the rows are none.
 
     Examples
     --------
@@ -205,10 +348,12 @@ def render(rows: Sequence["Row"], format_name: str) -> str:
     >>> upright.render(rows, "markdown").splitlines()[0][:38]
     '| Agent | Settings | Noise | Success |'
     """
+    from upright.reports.statistics import Row
+
     require_one_of("format", format_name, FORMATS)
-    if format_name == "json":
-        return to_json(rows)
-    if format_name == "csv":
-        return to_csv(rows)
-    writer = {"text": to_text, "markdown": to_markdown, "latex": to_latex}[format_name]
-    return writer(study_table(rows))
+    rows = require_all("rows", rows, Row, "a list of what summarise returns")
+    if format_name == "text":
+        return to_text(rows, width, sources=sources)
+    if format_name in ("csv", "json"):
+        return {"csv": to_csv, "json": to_json}[format_name](rows)
+    return {"markdown": to_markdown, "latex": to_latex}[format_name](study_table(rows))

@@ -39,6 +39,7 @@ from upright.studies.store import Store
 from upright.studies.study import study
 from upright.support.interrupts import hold_interrupts
 from upright.support.settings import as_options, changed_values
+from upright.support.words import count
 
 SEEDS = 10**6
 """Seeds below this are for tables. No settings are chosen by runs with such a seed, so every table
@@ -446,7 +447,7 @@ def describe(plan: Search, result: SearchResult, compared: Comparison, label: st
     case, settings = plan.cases[0], result.settings
     tuned, original = (
         f"{validation.mean_trials:8.1f} [{validation.ci95[0]:.1f}, {validation.ci95[1]:.1f}], "
-        f"{validation.successes} of {validation.runs} runs succeeded"
+        f"{validation.successes} of {count(validation.runs, 'run')} succeeded"
         for validation in compared[:2]
     )
     learn = [f"upright learn {case.agent}"]
@@ -455,8 +456,8 @@ def describe(plan: Search, result: SearchResult, compared: Comparison, label: st
     learn += as_options("--parameter", changed_parameters(case.spec.parameters))
     same = settings == case.settings
     lines = [
-        f"best of {result.candidates} candidates ({result.pruned} pruned), "
-        f"chosen by {result.mean_trials:.1f} mean trials over {plan.runs} runs per case",
+        f"best of {count(result.candidates, 'candidate')} ({result.pruned} pruned), "
+        f"chosen by {result.mean_trials:.1f} mean trials over {count(plan.runs, 'run')} per case",
         "mean trials [95 % interval] on fresh runs, "
         f"where a failed run counts as {case.spec.trials:,}:",
         f"  tuned     {tuned}",
