@@ -117,7 +117,7 @@ def folder(tmp_path, monkeypatch):
         ("export text policy.h", ["'text'", "not a policy's file"]),
         ("plot shapes text", ["'shapes'", "curves"]),
         ("dance", ["'dance'", "learn"]),
-        ("", ["COMMAND"]),
+        ("ros2", ["COMMAND", "see upright ros2 --help"]),
     ],
 )
 def test_bad_usage_prints_one_clear_line_and_changes_nothing(line, said, folder, capsys):
@@ -170,8 +170,9 @@ def test_learn_saves_json_where_the_name_says_so(folder, capsys):
 def test_the_exit_status_of_play_says_whether_the_pole_fell(folder, capsys):
     assert run(["play", "poor.npz", "--episodes", "3"]) == FAILED
     shown = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in shown[:3]] == [["trial", number] for number in "123"]
-    assert shown[3].startswith("balanced in 0 of 3 trials")
+    assert "logarithmic scale" in shown[0]
+    assert [line.split()[:2] for line in shown[1:4]] == [["trial", number] for number in "123"]
+    assert shown[4].startswith("balanced in 0 of 3 trials")
     assert run(["play", "poor.npz", "--steps", "5"]) == 0
     assert "balanced in 10 of 10 trials" in capsys.readouterr().out
 
@@ -357,7 +358,7 @@ def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(words, 
 @pytest.mark.parametrize(
     ("weights", "options", "played"),
     [
-        (GOOD_WEIGHTS, ["--steps", "20000000"], "balanced in 1 of 1 trials"),
+        (GOOD_WEIGHTS, ["--steps", "20000000"], "balanced in 1 of 1 trial;"),
         (POOR_WEIGHTS, ["--episodes", "1000000"], "balanced in 0 of "),
         (POOR_WEIGHTS, ["--episodes", "1000000", "--video", "film.mp4"], "balanced in 0 of "),
     ],
@@ -365,6 +366,7 @@ def test_an_interrupted_study_without_a_store_says_that_nothing_was_kept(words, 
 def test_interrupted_play_reports_what_was_played(weights, options, played, tmp_path):
     keep_policy(tmp_path / "policy.npz", weights)
     process = start(tmp_path, "play", "policy.npz", *options)
+    assert "logarithmic scale" in process.stdout.readline()
     assert process.stdout.readline().startswith("trial    1 ")
     process.send_signal(signal.SIGINT)
     shown, error = process.communicate(timeout=60)

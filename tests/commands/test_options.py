@@ -24,12 +24,13 @@ from upright.commands.options import (
     cases_of,
     task_of,
 )
-from upright.commands.parser import Parser
+from upright.commands.parser import Parser, as_whole
+from upright.commands.ros2.fields import given
 from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.task import TaskSpec
 from upright.errors import UprightError
-from upright.nodes.settings import SIMULATED
+from upright.nodes.settings import SIMULATED, SimulatorSettings
 from upright.plants import PLANTS
 from upright.reports.tables import FORMATS
 from upright.studies import matlab_twin
@@ -401,9 +402,39 @@ def test_a_name_that_is_like_no_other_is_answered_with_no_guess(line, capsys):
     assert "did you mean" not in capsys.readouterr().err
 
 
-def test_an_option_may_be_shortened_as_before():
-    options = make_parser().parse(["learn", "reinforce", "--nois", "all-5", "--cond=delay-1"])
-    assert (options.noise, options.condition) == ("all-5", "delay-1")
+@pytest.mark.parametrize("name", LEAVES)
+def test_no_option_may_be_shortened(name, capsys):
+    """Otherwise an option that a command lacks is taken for a longer one that it has."""
+    needed = [action for action in LEAVES[name]._actions if not action.option_strings]
+    words = [next(iter(a.choices)) if a.choices else "x" for a in needed if a.nargs != "?"]
+    flags = [flag for flag in LEAVES[name]._option_string_actions if flag.startswith("--")]
+    for flag in flags:
+        if flag[:-1] not in flags and flag != "--ros-args":
+            with pytest.raises(SystemExit) as refusal:
+                make_parser([name.split()[0]]).parse([*name.split(), *words, flag[:-1]])
+            assert refusal.value.code == BAD_USE
+            error = capsys.readouterr().err
+            assert f"unrecognized arguments: {flag[:-1]}; did you mean" in error
+            assert error.endswith(f"(see upright {name} --help)\n")
+
+
+def test_whole_numbers_are_read_as_people_write_them():
+    line = "learn reinforce --steps 600,000 --trials 1e3 --seed 1_000 --run 2k"
+    options = make_parser().parse(line.split())
+    assert (options.steps, options.trials, options.seed, options.run) == (600000, 1000, 1000, 2000)
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_every_whole_number_is_read_by_the_same_function(name):
+    defaults = [action for action in LEAVES[name]._actions if type(action.default) is int]
+    assert {action.type for action in defaults} <= {as_whole}
+    assert int not in {action.type for action in LEAVES[name]._actions}
+
+
+def test_a_list_in_one_option_is_refused_where_nodes_have_lists():
+    options = make_parser().parse(["ros2", "simulate", "--parameter", "gravity=1,half_length=1"])
+    with pytest.raises(UprightError, match="--parameter is 'gravity=1,half_length=1'; give"):
+        given(options, SimulatorSettings)
 
 
 def test_an_unknown_option_before_the_command_is_refused(capsys):

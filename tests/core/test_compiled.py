@@ -6,8 +6,8 @@ import pytest
 from helpers import LinearAgent, python
 
 from upright.agents import AGENTS
-from upright.core import compiled
-from upright.core.compiled import PACKAGE, is_compiled, sources_hash
+from upright.core.compiled import PACKAGE, is_compiled
+from upright.support.machine_code import sources_hash
 
 
 @pytest.fixture
@@ -34,33 +34,6 @@ def change(path, old, new):
     assert text.count(old) == 1
     path.write_text(text.replace(old, new))
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-
-
-# ------------------------------------------------------------------------------ digest of sources
-
-
-def test_the_digest_of_sources_changes_with_any_file(copied, monkeypatch):
-    monkeypatch.setattr(compiled, "PACKAGE", copied)
-    seen = [sources_hash()]
-    assert seen[0] == sources_hash()
-    change(copied / "core" / "parameters.py", "gravity: float = 9.8", "gravity: float = 9.7")
-    seen.append(sources_hash())
-    change(copied / "agents" / "random_search.py", "if total > 0.0", "if total < 0.0")
-    seen.append(sources_hash())
-    (copied / "errors.py").rename(copied / "mistakes.py")
-    seen.append(sources_hash())
-    (copied / "new.py").touch()
-    seen.append(sources_hash())
-    assert len(set(seen)) == 5
-
-
-def test_the_digest_of_named_files_ignores_the_others(copied, monkeypatch):
-    monkeypatch.setattr(compiled, "PACKAGE", copied)
-    before = sources_hash("core/parameters.py"), sources_hash("core/noise.py")
-    change(copied / "core" / "parameters.py", "gravity: float = 9.8", "gravity: float = 9.7")
-    after = sources_hash("core/parameters.py"), sources_hash("core/noise.py")
-    assert after[0] != before[0]
-    assert after[1] == before[1]
 
 
 # ------------------------------------------------------------------------------ kernels on disk

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pygame
@@ -14,6 +15,7 @@ from upright.errors import UprightError
 from upright.pictures.picture import HEIGHT, WIDTH
 from upright.plants.equations import EquationsSettings
 from upright.plants.mujoco import Mujoco
+from upright.policies.files import export_policy, save_policy
 from upright.policies.policy import Policy
 from upright.studies.case import make_case
 from upright.studies.learned import learned_policy
@@ -22,6 +24,7 @@ from upright.studies.playing import (
     TrialOutcome,
     case_for,
     pictures,
+    play,
     play_trials,
     prepare,
     record,
@@ -110,6 +113,19 @@ def test_every_trial_has_its_own_plant_where_plants_vary(learned):
     prepared = [prepare(case, 0, episode, GO_ON) for episode in range(3)]
     assert all(plant.parameters == task.parameters for plant, task, _ in prepared)
     assert len({task.parameters for _, task, _ in prepared}) == 3
+
+
+def test_what_is_no_policy_is_refused(tmp_path):
+    for act in (
+        play,
+        partial(save_policy, tmp_path / "a"),
+        partial(export_policy, tmp_path / "a.h"),
+    ):
+        with pytest.raises(
+            UprightError, match=r"policy is 'policy\.npz'; it must be what learn or"
+        ):
+            act("policy.npz")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_policy_plays_its_own_task_except_for_changes():
@@ -225,7 +241,7 @@ def test_a_window_shows_the_trials_and_may_be_closed(capsys, monkeypatch):
     policy, case = guess()
     played = watch_play(policy, case, 1, 0, window=True)
     assert len(played) == 1
-    assert "balanced in 0 of 1 trials" in capsys.readouterr().out
+    assert "balanced in 0 of 1 trial;" in capsys.readouterr().out
 
     pygame.event.clear()
     monkeypatch.setattr("upright.studies.stage.picture", press_q)

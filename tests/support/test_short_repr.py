@@ -2,7 +2,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.support.short_repr import FEW, call, counted, short_list, short_repr
+from upright.support.short_repr import FEW, call, short_list, short_repr
 
 
 class Inner(NamedTuple):
@@ -28,7 +28,6 @@ def test_long_lists_keep_both_ends():
     assert short_list(np.arange(0)) == "[]"
 
 
-def test_calls_and_counts():
+def test_calls():
     assert call("Case", {"steps": 3}, ["a", "b"]) == "Case('a', 'b', steps=3)"
     assert call("Case", {}) == "Case()"
-    assert [counted(n, "run") for n in (0, 1, 1200)] == ["0 runs", "1 run", "1,200 runs"]

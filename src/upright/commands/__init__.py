@@ -56,11 +56,22 @@ examples:
 """
 
 
+GREETING = """\
+Upright: agents learn to balance a pole on a cart, and are measured.
+
+Five commands to try:
+  upright learn reinforce --save policy.npz   watch an agent learn
+  upright play policy.npz --noise sensor-10   let it balance with a noisy sensor
+  upright show policy.npz                     what was learned, on which task
+  upright agents                              the agents that are there
+  upright table --noises none                 compare them over 20 runs each
+`upright --help` lists all commands, `upright COMMAND --help` describes one.
+"""
+
+
 def main() -> NoReturn:
     """Run the command of this process and end with its status."""
     status = run(sys.argv[1:])
-    sys.stdout.flush()
-    sys.stderr.flush()
     if status == INTERRUPTED:
         os._exit(status)  # a thread may still be compiling, which nothing can interrupt
     sys.exit(status)
@@ -70,7 +81,10 @@ def run(arguments: Sequence[str]) -> int:
     """Carry out a command line and return the exit status."""
 
     def work() -> int:
-        asked = arguments[0] if arguments else ""
+        if not arguments:
+            print(GREETING, end="")
+            return 0
+        asked = arguments[0]
         if asked in COMMANDS:
             parser = make_parser([asked])
         else:

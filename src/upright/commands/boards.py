@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from upright.commands.options import add, split, task_of
 from upright.commands.parser import Parser
-from upright.commands.showing import put, telling_what_is_kept
+from upright.commands.showing import put, telling_of_compilation, telling_what_is_kept
 from upright.core.conditions import STRICT_RUNS
 
 if TYPE_CHECKING:
@@ -51,17 +51,12 @@ def show_board(options: argparse.Namespace, board: "Board") -> int:
     UprightError
         If something asked for is not possible.
     """
-    from upright.reports.leaderboards import BoardPlan, make_board
+    agents = split(options.agents)
+    with telling_of_compilation(agents), telling_what_is_kept(options.store):
+        from upright.reports.leaderboards import BoardPlan, make_board
 
-    plan = BoardPlan(
-        split(options.agents),
-        options.runs,
-        options.seed,
-        store=options.store,
-        output=options.output,
-        **task_of(options),
-    )
-    with telling_what_is_kept(options.store):
+        files = {"store": options.store, "output": options.output}
+        plan = BoardPlan(agents, options.runs, options.seed, **files, **task_of(options))
         rows = make_board(board, plan)
     put(board.text(rows, plan), None)
     if options.output:

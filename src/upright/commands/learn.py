@@ -9,6 +9,7 @@ trials; the grey cart-pole is the last fall.
 
 import argparse
 
+from upright.agents import AGENTS
 from upright.commands.options import (
     CUSTOM_AGENTS,
     add,
@@ -21,6 +22,7 @@ from upright.commands.options import (
     whole,
 )
 from upright.commands.parser import Parser
+from upright.commands.showing import telling_of_compilation
 from upright.support.exit_status import FAILED
 
 EXAMPLES = f"""\
@@ -64,6 +66,12 @@ def add_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
+    AGENTS.check(options.agent)
+    with telling_of_compilation([options.agent]):
+        return _learn(options)
+
+
+def _learn(options: argparse.Namespace) -> int:
     from upright.errors import require
     from upright.studies.study import check_study
     from upright.studies.watching import watch_run

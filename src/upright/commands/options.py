@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from upright.agents import AGENTS
-from upright.commands.parser import Parser
+from upright.commands.parser import Parser, as_whole
 from upright.core.conditions import (
     CONDITIONS,
     NOISES,
@@ -53,7 +53,7 @@ def _one_of(names: Any, default: str, text: str, metavar: str = "NAME") -> dict[
 def whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
     """Return what `add_argument` needs for an option that is a whole number."""
     help_text = f"{text} (default: %(default)s)"
-    return {"type": int, "default": default, "metavar": metavar, "help": help_text}
+    return {"type": as_whole, "default": default, "metavar": metavar, "help": help_text}
 
 
 UNITS = ", ".join(
@@ -130,6 +130,12 @@ SHARED: dict[str, dict[str, Any]] = {
         "help": "keep every finished run in this file, and reuse the runs it already holds",
     },
     "--format": _one_of(FORMATS, "text", "format of the table"),
+    "--sources": {
+        "action": "store_true",
+        "help": "in a table as text: leave nothing out, neither published figures nor where they "
+        "are from (default: as many columns as fit the terminal, or 80 characters where there is "
+        "none; the variable COLUMNS sets another width)",
+    },
     "--output": {"metavar": "FILE", "help": "write the table to this file, not to the screen"},
     "policy": {
         "metavar": "POLICY",

@@ -1,11 +1,13 @@
 """How the command line is read: commands below commands, and errors that take one line."""
 
 import argparse
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
-from upright.errors import did_you_mean, require_one_of
+from upright.errors import UprightError, did_you_mean, require_one_of
 from upright.support.exit_status import BAD_USE
+from upright.support.numbers import whole_number
 from upright.support.registry import Registry
 
 
@@ -14,6 +16,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        options.setdefault("allow_abbrev", False)  # else a mistyped option is taken for another
         super().__init__(**options)
 
     def add_commands(
@@ -68,8 +71,31 @@ class Parser(argparse.ArgumentParser):
         """Say what is wrong, and end."""
         self.exit(BAD_USE, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print a help or an error; unlike argparse, do not ignore that it cannot be written."""
+        print(message, end="", file=file or sys.stderr)
+
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Refuse an unknown name in the same words as everywhere."""
         if action.choices is not None:
             name = "command" if action.dest == argparse.SUPPRESS else action.dest
-            require_one_of(name, value, action.choices)
+            try:
+                require_one_of(name, value, action.choices)
+            except UprightError as error:
+                self.error(str(error))
+
+
+def as_whole(text: str) -> int:
+    """Return the whole number that an option's text stands for."""
+    try:
+        return whole_number(text)
+    except UprightError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def as_number(text: str) -> float:
+    """Return the number that an option's text stands for."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}; it must be a number") from None

@@ -18,7 +18,8 @@ from upright.commands.options import (
     size_of,
     task_of,
 )
-from upright.commands.parser import Parser
+from upright.commands.parser import Parser, as_whole
+from upright.commands.showing import telling_of_compilation
 from upright.core.conditions import STEPS
 from upright.support.exit_status import FAILED
 
@@ -48,7 +49,7 @@ def add_options(parser: Parser) -> None:
     )
     parser.add_argument(
         "--episodes",
-        type=int,
+        type=as_whole,
         metavar="N",
         help="number of trials to play (default: 10, with pictures 1)",
     )
@@ -60,6 +61,11 @@ def add_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright play`."""
+    with telling_of_compilation([], "play"):
+        return _play(options)
+
+
+def _play(options: argparse.Namespace) -> int:
     from upright.errors import require
     from upright.pictures.video import check_video
     from upright.policies.files import load_policy

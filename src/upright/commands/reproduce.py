@@ -5,9 +5,10 @@ If interrupted, the same command continues where it stopped.
 
 import argparse
 
+from upright.agents import AGENTS
 from upright.commands.options import add, add_task_options
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_what_is_kept
+from upright.commands.showing import telling_of_compilation, telling_what_is_kept
 
 EXAMPLES = """\
 examples:
@@ -32,9 +33,9 @@ def add_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright reproduce`."""
-    from upright.reports.reproduction import reproduce
+    with telling_of_compilation(AGENTS.built_in), telling_what_is_kept(options.output):
+        from upright.reports.reproduction import reproduce
 
-    with telling_what_is_kept(options.output):
         report = reproduce(options.output, options.runs, options.seed, options.steps)
     print(f"report: {report}")
     return 0

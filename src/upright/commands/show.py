@@ -4,7 +4,7 @@ import argparse
 
 from upright.commands.options import add
 from upright.commands.parser import Parser
-from upright.commands.showing import put
+from upright.commands.showing import put, put_table
 from upright.errors import UprightError, require_one_of
 
 EXAMPLES = """\
@@ -22,23 +22,21 @@ def add_options(parser: Parser) -> None:
         metavar="FILE",
         help="a store, or a policy saved by learn --save; no code in it is executed",
     )
-    add(parser, "--format", "--output")
+    add(parser, "--format", "--sources", "--output")
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright show`."""
     from upright.policies.files import is_policy, read_header
     from upright.policies.policy import describe
-    from upright.reports.statistics import summarise
-    from upright.reports.tables import render
-    from upright.studies.study import stored
+    from upright.reports.statistics import stored_rows
 
     if is_policy(options.source):
         require_one_of("format of a policy", options.format, ("text",))
         put(describe(read_header(options.source)) + "\n", options.output)
         return 0
-    rows = [summarise(case, seed, results) for case, seed, results in stored(options.source)]
+    rows = stored_rows(options.source)
     if not rows:
         raise UprightError(f"store is {options.source!r}; it holds no runs")
-    put(render(rows, options.format), options.output)
+    put_table(rows, options)
     return 0

@@ -1,9 +1,17 @@
 """How commands show what came out: tables, settings, and what an interrupt left."""
 
+import argparse
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from upright.agents import AGENTS
+from upright.support import terminal
+from upright.support.machine_code import lacking, note_compiled
+
+if TYPE_CHECKING:
+    from upright.reports.statistics import Row
 
 
 def put(text: str, output: str | None) -> None:
@@ -20,6 +28,38 @@ def put(text: str, output: str | None) -> None:
         write_file(output, text)
     else:
         print(text, end="")
+
+
+def put_table(rows: "Sequence[Row]", options: argparse.Namespace) -> None:
+    """Write a table as the options --format, --sources and --output say.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be written.
+    """
+    from upright.reports.tables import render
+
+    width = terminal.width(to_file=options.output is not None)
+    put(render(rows, options.format, width=width, sources=options.sources), options.output)
+
+
+@contextmanager
+def telling_of_compilation(agents: Iterable[str], work: str = "learn") -> Iterator[None]:
+    """Say that agents are compiled now, if they have not been before.
+
+    Parameters
+    ----------
+    agents
+        Names of the agents; those of custom ones do not matter, as their machine code is not kept.
+    work
+        What they do, for which they are compiled apart.
+    """
+    things = [work, *(f"{work} {agent}" for agent in agents if agent in AGENTS.built_in)]
+    if lacking(things):
+        terminal.notice("compiling, once per version …")
+    yield
+    note_compiled(things)
 
 
 def print_settings(named: Mapping[str, Any]) -> None:

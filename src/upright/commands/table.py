@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from upright.agents import AGENTS
 from upright.commands.options import (
     CUSTOM_AGENTS,
     UNITS,
@@ -18,7 +19,7 @@ from upright.commands.options import (
     tasks_of,
 )
 from upright.commands.parser import Parser
-from upright.commands.showing import put, telling_what_is_kept
+from upright.commands.showing import put_table, telling_of_compilation, telling_what_is_kept
 
 if TYPE_CHECKING:
     from upright.studies.case import Case
@@ -72,23 +73,26 @@ def add_options(parser: Parser) -> None:
 
 def add_measuring_options(parser: Parser) -> None:
     """Add the options that `measure` reads."""
-    add(parser, "--runs", "--seed", "--store", "--format", "--output")
+    add(parser, "--runs", "--seed", "--store", "--format", "--sources", "--output")
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright table`."""
-    from dataclasses import replace
+    agents = split(options.agents)
+    for agent in agents:
+        AGENTS.check(agent)
+    with telling_of_compilation(agents):
+        from dataclasses import replace
 
-    from upright.core.task import TaskSpec
-    from upright.support.settings import require_few_cases
+        from upright.core.task import TaskSpec
+        from upright.support.settings import require_few_cases
 
-    agents, tasks = split(options.agents), tasks_of(options)
-    starts = cases_of(options, agents, plant=plant_of(options))
-    noises = noises_of(options)
-    require_few_cases(len(starts) * len(tasks) * len(noises))
-    specs = [TaskSpec.from_data(task | {"noise": noise}) for task in tasks for noise in noises]
-    cases = [replace(start, spec=spec) for start in starts for spec in specs]
-    return measure(cases, options, is_sweep=len(starts) > len(agents) or len(tasks) > 1)
+        tasks, noises = tasks_of(options), noises_of(options)
+        starts = cases_of(options, agents, plant=plant_of(options))
+        require_few_cases(len(starts) * len(tasks) * len(noises))
+        specs = [TaskSpec.from_data(task | {"noise": noise}) for task in tasks for noise in noises]
+        cases = [replace(start, spec=spec) for start in starts for spec in specs]
+        return measure(cases, options, is_sweep=len(starts) > len(agents) or len(tasks) > 1)
 
 
 def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: bool = False) -> int:
@@ -109,7 +113,6 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
         If something asked for is not possible.
     """
     from upright.reports.statistics import summarise_all
-    from upright.reports.tables import render
     from upright.studies.progress import study_with_progress
     from upright.studies.store import Store
     from upright.studies.study import check_study
@@ -124,5 +127,5 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
             print(f"{len(cases)} cases of {options.runs} runs each", file=sys.stderr)
         study_with_progress(cases, options.runs, options.seed, store)
         rows = summarise_all(cases, options.runs, options.seed, store)
-    put(render(rows, options.format), options.output)
+    put_table(rows, options)
     return 0

@@ -10,6 +10,7 @@ It needs Optuna (pip install optuna).
 
 import argparse
 
+from upright.agents import AGENTS
 from upright.commands.options import (
     CUSTOM_AGENTS,
     add,
@@ -21,7 +22,7 @@ from upright.commands.options import (
     whole,
 )
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_what_is_kept
+from upright.commands.showing import telling_of_compilation, telling_what_is_kept
 
 EXAMPLES = f"""\
 examples:
@@ -69,6 +70,12 @@ def add_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright tune`."""
+    AGENTS.check(options.agent)
+    with telling_of_compilation([options.agent]):
+        return _tune(options)
+
+
+def _tune(options: argparse.Namespace) -> int:
     from upright.studies.progress import search_with_progress, study_with_progress
     from upright.studies.search_space import search_space
     from upright.studies.settings_file import check_settings_output

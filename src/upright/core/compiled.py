@@ -10,9 +10,7 @@
 """
 
 import functools
-import os
 import re
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import MethodType
@@ -22,38 +20,13 @@ import numba
 from numba import types
 from numba.extending import overload_method
 
-from upright.support.files import PACKAGE, digest, user_cache
+from upright.support.files import PACKAGE
+from upright.support.machine_code import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def sources_hash(*names: str) -> str:
-    """Return a short digest of the package's source files.
-
-    Parameters
-    ----------
-    *names
-        Files relative to the package's folder; all of its ``.py`` files if none is named.
-    """
-    return digest([PACKAGE / name for name in names] or sorted(PACKAGE.rglob("*.py")), PACKAGE)
-
-
-def _cache_folder() -> str:
-    """Return the first writable folder for machine code, named after a digest of the sources."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    usual = Path(chosen).expanduser() / "upright" if chosen else user_cache()
-    candidates = (usual, Path(tempfile.gettempdir()) / "upright")
-    for folder in (root / f"kernels-{sources_hash()}" for root in candidates):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return str(folder)
-    return tempfile.mkdtemp(prefix="upright-kernels-")
-
-
-CACHE_FOLDER = _cache_folder()
+CACHE_FOLDER = str(cache_folder())
 
 
 class Compiled:

@@ -19,7 +19,7 @@ from upright.studies.case import Case, make_case
 from upright.studies.progress import study_with_progress
 from upright.studies.store import Store
 from upright.studies.study import check_study, study
-from upright.support.short_repr import counted
+from upright.support.words import count
 
 if TYPE_CHECKING:
     import pandas
@@ -124,7 +124,7 @@ class Comparison:
     def __repr__(self) -> str:
         agents = dict.fromkeys(case.name for case in self.results)
         noises = dict.fromkeys(case.spec.noise for case in self.results)
-        runs = counted(max(map(len, self.results.values())), "run")
+        runs = count(max(map(len, self.results.values())), "run")
         return f"Comparison({', '.join(agents)}; {', '.join(noises)}; {runs} each)"
 
     def _repr_html_(self) -> str:

@@ -9,6 +9,7 @@ from upright.core.task import TaskSpec
 from upright.plants import PLANTS
 from upright.studies.case import Case, named
 from upright.support.settings import changed_values
+from upright.support.words import count
 
 AGENT_NAMES = {
     "adaptive-lqr": "Adaptive LQR",
@@ -51,17 +52,6 @@ def noise_name(noise: str) -> str:
     if size.angle_offset:
         parts.append(f"Gaussian sensor noise of {math.degrees(size.angle_offset) ** 2:.3g} deg²")
     return " and ".join(parts) or "without noise"
-
-
-def count(number: int, thing: str) -> str:
-    """Return a number of things in words.
-
-    Examples
-    --------
-    >>> count(1, "trial"), count(1000, "trial")
-    ('1 trial', '1,000 trials')
-    """
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")
 
 
 def task_name(task: TaskSpec) -> str:

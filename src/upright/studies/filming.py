@@ -24,6 +24,7 @@ from upright.pictures.video import check_video, write_video
 from upright.studies.case import Case
 from upright.studies.observing import Moment, check_observable, scene_of
 from upright.studies.run import make_run
+from upright.support.words import count
 
 FRAME = 0.02
 """Time that a picture lasts, unless the plant's time step is longer [s]."""
@@ -66,7 +67,7 @@ class Film:
         elif (clip.trial - FIRST) % self._every == 0:
             clip.reduce()
             self._middle.append(clip)
-            if len(self._middle) > count(MIDDLE, clip.task):
+            if len(self._middle) > pictures_in(MIDDLE, clip.task):
                 self._every *= 2
                 self._middle = [c for c in self._middle if (c.trial - FIRST) % self._every == 0]
 
@@ -82,12 +83,12 @@ class Film:
         if last is None:
             return []
         shown = [scene for clip in self._first for scene in clip.whole(who)]
-        each = count(MIDDLE, last.task) // max(1, len(self._middle))
+        each = pictures_in(MIDDLE, last.task) // max(1, len(self._middle))
         note = f"fast forward: trials {FIRST + 1:,} to {last.trial - 1:,}"
         for clip in self._middle:
             shown += [(scene, 1) for scene in clip.glimpse(who, each, note)]
         shown += last.whole(who)
-        return [*shown, (shown[-1][0], count(CLOSE - HOLD, last.task))]
+        return [*shown, (shown[-1][0], pictures_in(CLOSE - HOLD, last.task))]
 
     @property
     def task(self) -> Task:
@@ -153,9 +154,9 @@ class _Clip:
     def __init__(self, start: Moment) -> None:
         self.task, self.trial = start.task, start.trial
         self._stride = stride(start.task)
-        self._most = count(BEGIN, start.task)
+        self._most = pictures_in(BEGIN, start.task)
         self._begin = [start]
-        self._end: deque[Moment] = deque(maxlen=count(END, start.task))
+        self._end: deque[Moment] = deque(maxlen=pictures_in(END, start.task))
         self._sample, self._every = [start], self._stride  # one moment in so many is kept
         self._last = start
 
@@ -170,7 +171,7 @@ class _Clip:
             self._end.append(moment)
         if moment.step % self._every == 0:
             self._sample.append(moment)
-            if len(self._sample) > 2 * count(JUMP, self.task):
+            if len(self._sample) > 2 * pictures_in(JUMP, self.task):
                 self._every *= 2
                 self._sample = [m for m in self._sample if m.step % self._every == 0]
 
@@ -187,10 +188,10 @@ class _Clip:
         if gap > self._stride:
             inside = [m for m in self._sample if begin[-1].step < m.step < end[0].step]
             note = f"fast forward: {in_words(gap * self.task.parameters.time_step)}"
-            for moment in _spread(inside, count(JUMP, self.task)):
+            for moment in _spread(inside, pictures_in(JUMP, self.task)):
                 shown.append(scene_of(moment, who, chart=True)._replace(note=note))
         shown += [scene_of(moment, who, chart=True) for moment in end]
-        return [*((scene, 1) for scene in shown), (shown[-1], count(HOLD, self.task))]
+        return [*((scene, 1) for scene in shown), (shown[-1], pictures_in(HOLD, self.task))]
 
     def glimpse(self, who: str, most: int, note: str) -> Iterator[Scene]:
         """Yield at most so many scenes of the trial, the last of which is its end."""
@@ -209,14 +210,16 @@ def picture_time(task: Task) -> float:
     return stride(task) * task.parameters.time_step
 
 
-def count(seconds: float, task: Task) -> int:
+def pictures_in(seconds: float, task: Task) -> int:
     """Return how many pictures last so long, at least one."""
     return max(1, round(seconds / picture_time(task)))
 
 
 def in_words(seconds: float) -> str:
     """Return a time as a person would say it."""
-    return f"{seconds / 60:,.0f} minutes" if seconds >= 120 else f"{seconds:,.0f} seconds"
+    if seconds >= 120:
+        return count(round(seconds / 60), "minute")
+    return count(round(seconds), "second")
 
 
 def _spread(items: Sequence[T], most: int) -> list[T]:

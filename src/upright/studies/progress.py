@@ -8,12 +8,15 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from upright.agents import is_custom
 from upright.core.trials import Result
 from upright.studies.case import Case
 from upright.studies.notebook_bar import in_notebook, notebook_bar
 from upright.studies.store import Store
 from upright.studies.study import study
 from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult, search
+from upright.support.machine_code import lacking
+from upright.support.terminal import end_notice
 
 
 def study_with_progress(
@@ -24,8 +27,11 @@ def study_with_progress(
     finished = sum(run < runs for case in cases for run in store.finished(case.key, seed))
     total = runs * len(cases) - finished
     kept = f"they are kept in {store.path}" if store.path else "they are lost without a store"
+    ours = {case.agent for case in cases if not is_custom(case.agent)}
+    starting = "compiling" if lacking(f"learn {agent}" for agent in ours) else "starting"
     steps, began = 0, time.monotonic()
-    with notebook_bar(total, kept) if in_notebook() else _terminal_bar(total) as advance:
+    bar = notebook_bar(total, kept) if in_notebook() else _terminal_bar(total, starting)
+    with bar as advance:
 
         def show(case: Case, result: Result) -> None:
             nonlocal steps
@@ -37,7 +43,7 @@ def study_with_progress(
 
 
 @contextmanager
-def _terminal_bar(total: int) -> Iterator[Callable[[str, str], None]]:
+def _terminal_bar(total: int, starting: str) -> Iterator[Callable[[str, str], None]]:
     """Show a bar in the terminal; yield what is called after each run, as `notebook_bar` does."""
     columns = (
         TextColumn("{task.description}"),
@@ -47,8 +53,9 @@ def _terminal_bar(total: int) -> Iterator[Callable[[str, str], None]]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
+    end_notice()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=total, rate="")
+        task = bar.add_task(starting, total=total, rate="")
 
         def advance(name: str, speed: str) -> None:
             bar.update(task, advance=1, description=name, rate=speed)
@@ -65,6 +72,7 @@ def search_with_progress(plan: Search, candidates: int, path: Path | str) -> Sea
         TextColumn("{task.fields[best]}"),
         TimeRemainingColumn(),
     )
+    end_notice()
     console = Console(stderr=True)
     hidden = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as bar:

@@ -15,7 +15,7 @@ import numpy as np
 from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError, require_kind
-from upright.support.short_repr import counted
+from upright.support.words import count
 
 APPLICATION_ID = 0x55505254
 """Marks a database as a store of this package ("UPRT")."""
@@ -93,7 +93,7 @@ class Store:
             )
         except sqlite3.Error:  # it is closed, or another thread's
             return f"Store({place})"
-        return f"Store({place}, {counted(cases, 'case')}, {counted(runs, 'run')})"
+        return f"Store({place}, {count(cases, 'case')}, {count(runs, 'run')})"
 
     @contextmanager
     def _explaining_errors(self) -> Iterator[None]:

@@ -25,9 +25,13 @@ from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.stage import PERIOD, Stage
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
+from upright.support.terminal import end_notice, width
+from upright.support.words import count
 
-BAR = 40
-"""Width of the longest bar [characters]."""
+SHORTEST, BAR = 10, 40
+"""Width of the bar of a success: as much as fits the terminal, within these [characters]."""
+MARGIN = 41
+"""Width of what stands before a bar [characters]."""
 POLL = 0.05
 """Interval at which the run is checked for trials that have ended [s]."""
 PATIENCE = 1.0
@@ -156,6 +160,7 @@ def watch(
 
     agent, result = _in_thread(lambda: work(lengths, stop), report, stop, stage, say_so)
     assert result is not None, "only an interrupt stops a run"
+    end_notice()
     print(_ending(case, result))
     return agent, result
 
@@ -212,20 +217,48 @@ def _write_film(film: Film, path: str, case: Case, size: Size) -> None:
 
 
 def print_trial(case: Case, number: int, length: int) -> None:
-    """Print a trial's number and its length in steps, with a logarithmic bar."""
+    """Print a trial's number and its length in steps, with a logarithmic bar.
+
+    Above the first trial stands the scale of the bars.
+    """
+    longest = max(SHORTEST, min(BAR, width() - MARGIN))
+    if number == 1:
+        end_notice()
+        print(
+            f"{'steps, on a logarithmic scale':>{MARGIN - 2}}  {_scale(case.spec.steps, longest)}"
+        )
     seconds = length * case.spec.time_step
-    bar = "█" * max(1, round(BAR * math.log(1 + length) / math.log(1 + case.spec.steps)))
-    print(f"trial {number:4d} {length:9,d} steps {seconds:10,.1f} s  {bar}", flush=True)
+    bar = "█" * max(1, _bar(length, case.spec.steps, longest))
+    steps = "step " if length == 1 else "steps"
+    print(f"trial {number:4d} {length:9,d} {steps} {seconds:10,.1f} s  {bar}", flush=True)
+
+
+def _bar(length: int, steps: int, longest: int) -> int:
+    """Return the length of the bar of a trial [characters]."""
+    return round(longest * math.log(1 + length) / math.log(1 + steps))
+
+
+def _scale(steps: int, longest: int) -> str:
+    """Return powers of ten and the length of a success, each ending where its bar ends."""
+    marks = [10**power for power in range(len(str(steps))) if 10**power < steps]
+    scale = ""
+    end = f" {steps:,}".rjust(longest)
+    for mark in marks:
+        place = _bar(mark, steps, longest)
+        text = f" {mark:,}".rjust(place - len(scale))
+        if len(scale + text) == place and not end[: place + 1].strip():
+            scale += text
+    return scale + end[len(scale) :]
 
 
 def _ending(case: Case, result: Result) -> str:
     if not result.success:
-        longest = int(result.lengths.max())
-        return f"not balanced within {result.trials:,} trials; the longest took {longest:,} steps"
+        longest = count(int(result.lengths.max()), "step")
+        return f"not balanced within {count(result.trials, 'trial')}; the longest took {longest}"
     simulated = case.spec.steps * case.spec.time_step
     return (
-        f"balanced at trial {result.trials}: {case.spec.steps:,} steps, {in_words(simulated)} of "
-        f"simulated time; "
+        f"balanced at trial {result.trials}: {count(case.spec.steps, 'step')}, "
+        f"{in_words(simulated)} of simulated time; "
         f"the run took {result.seconds:.2f} s"
     )
 
@@ -292,6 +325,7 @@ def watch_play(
             for outcome in play_trials(policy, case, episodes, seed):
                 report(outcome)
     finally:
+        end_notice()
         print(_summary(played))
     return played
 
@@ -324,9 +358,9 @@ def _play_in_window(
 def _summary(played: list[TrialOutcome]) -> str:
     if not played:
         return "no trial was played to its end"
-    steps = [trial.steps for trial in played]
+    steps, trials = [trial.steps for trial in played], count(len(played), "trial")
     balanced = sum(trial.balanced for trial in played)
     return (
-        f"balanced in {balanced:,} of {len(played):,} trials; steps: mean {np.mean(steps):,.1f}, "
+        f"balanced in {balanced:,} of {trials}; steps: mean {np.mean(steps):,.1f}, "
         f"median {np.median(steps):,.0f}, shortest {min(steps):,}"
     )

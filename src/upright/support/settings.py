@@ -14,6 +14,7 @@ from itertools import product
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from upright.errors import UprightError, require_one_of
+from upright.support.numbers import whole_number
 
 
 class Fields(Protocol):
@@ -225,6 +226,11 @@ def _parse(name: str, text: str, present: object) -> object:
     """Return the value that a text stands for, of the same kind as the present one."""
     if isinstance(present, str):
         return text
+    if type(present) is int:
+        try:
+            return whole_number(text, commas=False)  # a comma is between several values
+        except UprightError as error:
+            raise UprightError(f"{name} is {error}") from None
     try:
         value = float(text) if isinstance(present, float) else ast.literal_eval(text)
     except (ValueError, SyntaxError):

@@ -56,8 +56,3 @@ def _short(value: Any) -> str:
     if isinstance(value, np.generic):
         return repr(value.item())
     return short_repr(value) if hasattr(value, "_asdict") else repr(value)
-
-
-def counted(number: int, noun: str) -> str:
-    """Return a number of things, such as "1 run" or "1,200 runs"."""
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

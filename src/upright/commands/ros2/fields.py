@@ -5,15 +5,28 @@ from collections.abc import Sequence
 from typing import Any
 
 from upright.commands.options import LABELS, add
-from upright.commands.parser import Parser
+from upright.commands.parser import Parser, as_number, as_whole
 from upright.core.conditions import NOISES, STARTS
+from upright.errors import UprightError
 from upright.nodes.settings import SIMULATED
 from upright.support.settings import describe_settings
 
 NAMES: dict[str, Any] = {"plant": SIMULATED, "noise": NOISES, "start": STARTS, "settings": LABELS}
 """What is allowed where a setting is one of several names."""
-REPEATED = {"plant_set": "--plant-set", "parameters": "--parameter"}
-"""Settings that list several values with commas between, each an option of its own."""
+REPEATED = {
+    "plant_set": (
+        "--plant-set",
+        "change one of the plant's settings (see upright plants); may be repeated",
+    ),
+    "parameters": (
+        "--parameter",
+        "change a parameter of the plant (see upright plants); may be repeated",
+    ),
+}
+"""Settings that list several values with commas between: the option that gives one, and its help.
+"""
+READERS = {int: as_whole, float: as_number}
+"""What reads a setting of another kind than text."""
 FILES = ("policy", "save")
 """Settings that name a file."""
 
@@ -31,9 +44,9 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
             continue
         flag = f"--{name.replace('_', '-')}"
         described = text.rstrip(".")
-        form: dict[str, Any] = {"type": type(default), "metavar": "VALUE"}
+        form: dict[str, Any] = {"type": READERS.get(type(default)), "metavar": "VALUE"}
         if name in REPEATED:
-            flag, described = REPEATED[name], f"{described}; may be repeated"
+            flag, described = REPEATED[name]
             form |= {"action": "append", "metavar": "NAME=VALUE", "dest": name}
             del form["type"]
         elif name in NAMES:
@@ -53,6 +66,11 @@ def given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:
     """Return the settings of one kind that were given."""
     names = vars(options).keys() & kind.__dataclass_fields__.keys()
     values = {name: value for name in names if (value := getattr(options, name)) is not None}
+    for name in REPEATED.keys() & values.keys():
+        flag, _ = REPEATED[name]
+        for text in values[name]:
+            if "," in text:
+                raise UprightError(f"{flag} is {text!r}; give {flag} again for each NAME=VALUE")
     return {name: ",".join(v) if name in REPEATED else v for name, v in values.items()}
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from upright.core.trials import Result
-from upright.reports.names import case_names, count, noise_name, shared_task_name, task_name
+from upright.reports.names import case_names, noise_name, shared_task_name, task_name
 from upright.reports.plots.style import (
     AGENT_COLOURS,
     CUSTOM_COLOURS,
@@ -28,6 +28,7 @@ from upright.reports.plots.style import (
     whole,
 )
 from upright.studies.case import Case
+from upright.support.words import count
 
 FEW_TRIALS, MANY_TRIALS = 3, 40
 """A run of at most FEW_TRIALS is drawn as bars, one of more than MANY_TRIALS with its median."""
