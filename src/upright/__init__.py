@@ -50,7 +50,7 @@ A notebook shows it as a table; ``compared.frame()`` is a pandas DataFrame of th
 >>> [result.trials for result in results[case]]
 [8, 3, 5, 4, 4]
 >>> print(upright.render([upright.summarise(case, 0, results[case])], "text"))  # doctest: +ELLIPSIS
-Agent          Settings  Noise  ...
+Agent          Noise ...  Success ...  Mean trials ...
 
 The same seed gives the same result on any machine, with any number of cores and in any order.
 

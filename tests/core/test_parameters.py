@@ -63,7 +63,7 @@ def test_tables_name_the_parameters_that_were_changed():
     cases = [upright.make_case("random-search", steps=50, parameters=p) for p in ({}, LONG)]
     results = upright.study(cases, runs=2)
     rows = [upright.summarise(case, 0, results[case]) for case in cases]
-    text = upright.render(rows, "text")
+    text = upright.render(rows, "text", width=1000)
     notes = [line for line in text.splitlines() if "2 runs per case" in line]
     assert len(notes) == 2
     assert sum("half_length 1.0, " in note for note in notes) == 1
