@@ -275,6 +275,10 @@ def test_a_module_without_the_agent_is_refused_in_one_line(text, write, capsys):
     assert "there is no class or function 'A'" in error
 
 
+def test_a_name_in_other_letters_is_guessed(write, capsys):
+    assert "; did you mean 'Climber'?" in refused(f"learn {write(PLAIN)}:climber", capsys)
+
+
 @pytest.mark.parametrize(
     ("agent", "said"),
     [

@@ -22,7 +22,7 @@ from upright.agents.checks.contract import check_contract
 from upright.agents.checks.faults import RAISED, fault, reporting
 from upright.agents.checks.names import advice
 from upright.core.contracts import Agent, AnyAgent, GymnasiumLearner
-from upright.errors import AgentError, UprightError
+from upright.errors import AgentError, UprightError, did_you_mean
 
 
 def name_of(agent: AnyAgent) -> str:
@@ -120,9 +120,13 @@ class CustomAgent:
         for part in name.split("."):
             make = getattr(make, part, None)
         if not callable(make):
+            module = self._module()
+            hint = did_you_mean(
+                name, (key for key, value in vars(module).items() if callable(value))
+            )
             raise UprightError(
                 f"agent is {self.agent_name!r}; there is no class or function {name!r} in "
-                f"{self._module().__name__}"
+                f"{module.__name__}{hint}"
             )
         return make  # type: ignore[no-any-return]
 
