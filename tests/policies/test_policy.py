@@ -353,7 +353,7 @@ BAD_FILES = {
         "'colour' are not those of equations",
     ),
     # Settings
-    "impossible": (change_settings(x_scale=-1), "x_scale is -1; it must be a number, above 0"),
+    "impossible": (change_settings(x_scale=-1), "x_scale is -1.0; it must be a number, above 0"),
     "endless": (change_settings(x_scale=float("inf")), "x_scale is inf"),
     "too large": (change_settings(x_scale=10**400), "cannot be read"),
     "words": (change_settings(x_scale="1"), "x_scale is '1'; it must be like 2.4"),

@@ -303,7 +303,7 @@ def test_rows_of_the_twin_appear_beside_those_of_the_package(tmp_path, capsys):
     assert run(["show", str(store)]) == 0
     printed = capsys.readouterr().out
     assert "q-learning (MATLAB)" in printed
-    assert "Table II" in printed
+    assert "\nq-learning  " in printed
     languages = [case.language for case, _, _ in stored(store)]
     assert sorted(languages) == ["MATLAB", "MATLAB", "Python", "Python"]
 

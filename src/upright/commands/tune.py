@@ -2,7 +2,8 @@
 
 Candidates are ranked by the mean number of trials over all runs; a failed run counts as --trials.
 The first candidate is the settings the search starts from; hopeless ones are abandoned early. The
-best is measured again on fresh runs. All runs have seeds of a million or more: those below are for
+best is measured again on fresh runs beside the settings the search started from, which tells
+whether a difference can be shown. All runs have seeds of a million or more: those below are for
 tables. If interrupted, the same command continues where it stopped.
 
 It needs Optuna (pip install optuna).
