@@ -50,6 +50,7 @@ Q = "agent = 'q-learning'\n"
         (Q + "[settings]\nlearning_rat = 1\n", "'learning_rat'.*did you mean 'learning_rate'"),
         (Q + "[settings]\nlearning_rate = 2\n", "learning_rate is 2.0; it must be a number"),
         (Q + "[settings]\nlearning_rate = nan\n", "learning_rate is nan"),
+        (Q + f"[settings]\nlearning_rate = {10**400}\n", "learning_rate is a number of more than"),
         (Q + "[settings]\nlearning_rate = true\n", "learning_rate is True; it must be like"),
         (Q + "[settings]\nmirrored = 1\n", "mirrored is 1; it must be like True"),
         (Q + "[settings]\nx_edges = ['a']\n", "x_edges"),

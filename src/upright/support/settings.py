@@ -88,6 +88,8 @@ def with_values(settings: S, values: Mapping[str, Any]) -> S:
 
 def _converted(name: str, value: object, present: object) -> object:
     """Return a value in the type of the present one: a list as a tuple, an int as a float."""
+    if isinstance(value, int) and abs(value) > LARGEST_INT:
+        raise UprightError(f"{name} is a number of more than 63 bits")
     if isinstance(value, list):
         value = tuple(value)
     elif isinstance(present, float) and isinstance(value, (int, float)):
@@ -143,6 +145,8 @@ def _named(settings: Fields, changes: Mapping[str, str]) -> Iterator[tuple[str, 
         yield name, text, present[name]
 
 
+LARGEST_INT = 2**63 - 1
+"""Largest whole number that a setting may have."""
 MOST_CASES = 1_000
 """Most combinations of values in a sweep, and most cases of a study."""
 
