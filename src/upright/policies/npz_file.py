@@ -138,22 +138,25 @@ def read(path: Path | str, agent: str | None) -> Policy:
         check_agent(header["agent"], agent)
         settings = AGENTS.restore(header["agent"], header["settings"])
         memory = settings.agent(np.random.default_rng(0))
-        plain = header["format"] == PLAIN_FORMAT
-        if is_memory(header["agent"], memory) if plain else not hasattr(memory, "_asdict"):
-            raise ValueError(
-                "it holds "
-                + ("the state of a plain Python agent" if plain else "a NamedTuple")
-                + "; the agent is no such thing; has its code changed since?"
-            )
-        if plain:
+        if header["format"] == PLAIN_FORMAT:
+            if is_memory(header["agent"], memory):
+                raise _of_another_form("the state of a plain Python agent")
             memory = decode_state(_read_state(archive, Path(path).stat().st_size), memory)
         else:
+            if not hasattr(memory, "_asdict"):
+                raise _of_another_form("a NamedTuple")
             renamed = getattr(settings, "RENAMED_ARRAYS", {})
             _fill(memory, archive, finite=not is_custom(header["agent"]), renamed=renamed)
         trained = read_task(header["task"])
         policy = Policy(header["agent"], memory, **trained, settings=settings)
         check_contract(policy, header, {"version"})
     return policy
+
+
+def _of_another_form(held: str) -> ValueError:
+    return ValueError(
+        f"it holds {held}; the agent is no such thing; has the agent's code changed since?"
+    )
 
 
 def read_header(path: Path | str) -> dict[str, Any]:
