@@ -91,7 +91,7 @@ class Comparison:
         rows = [
             {
                 "agent": case.name,
-                "settings": case.label,
+                "settings": case.settings_name,
                 "noise": case.spec.noise,
                 "seed": self.seed,
                 "run": result.run,
@@ -119,7 +119,7 @@ class Comparison:
         return displayed(draw([(case, list(results)) for case, results in self.results.items()]))
 
     def __str__(self) -> str:
-        return to_text(study_table(self.rows))
+        return to_text(self.rows)
 
     def __repr__(self) -> str:
         agents = dict.fromkeys(case.name for case in self.results)

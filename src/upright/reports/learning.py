@@ -6,6 +6,7 @@ from upright.core.contracts import AnyAgent
 from upright.core.trials import Result
 from upright.errors import require
 from upright.policies.policy import Policy
+from upright.reports.names import agent_name, noise_name
 from upright.reports.notebook import displayed, html_table, make_frame
 from upright.studies.case import make_case, named
 from upright.studies.learned import make_learned
@@ -53,9 +54,11 @@ class Learned(NamedTuple):
         """Draw the learning curve: the length of each trial."""
         from upright.reports.plots import plot_curve  # imported late: it is slow
 
-        spec = self.policy.learned_on
-        title = f"{self._name}, {spec.noise}, seed {self.policy.seed}, run {self.policy.run}"
-        return displayed(plot_curve(self.result.lengths, spec.steps, title))
+        policy, spec = self.policy, self.policy.learned_on
+        title = f"{agent_name(policy.agent)}, {noise_name(spec.noise)}"
+        subtitle = f"seed {policy.seed}, run {policy.run}"
+        figure = plot_curve(self.result.lengths, spec.steps, title, subtitle, policy.agent)
+        return displayed(figure)
 
     @property
     def _name(self) -> str:

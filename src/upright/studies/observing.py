@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from upright.agents.custom import is_learner
+from upright.agents.checks.contract import is_learner
 from upright.core.compiled import is_compiled
 from upright.core.contracts import Agent, GymnasiumLearner, Plant
 from upright.core.loops import bind

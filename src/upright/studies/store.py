@@ -88,11 +88,10 @@ class Store:
     def __repr__(self) -> str:
         place = "in memory" if self.path is None else repr(str(self.path))
         try:
-            ((cases, runs),) = self._database.execute(
-                "SELECT count(DISTINCT case_id), count(*) FROM runs"
-            )
-        except sqlite3.Error:  # it is closed, or another thread's
+            rows = self._rows("SELECT count(DISTINCT case_id), count(*) FROM runs")
+        except UprightError:  # it is closed, or another thread's
             return f"Store({place})"
+        cases, runs = rows[0] if rows else (0, 0)
         return f"Store({place}, {count(cases, 'case')}, {count(runs, 'run')})"
 
     @contextmanager
