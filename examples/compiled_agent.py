@@ -2,9 +2,11 @@
 
     upright table --agents examples.compiled_agent:hill_climber,random-search --noises none
 
-The policy is linear. Each trial tries the best weights so far with a small random change, and keeps
-the new weights if the pole stayed up longer. Compiled methods must follow two rules: numbers that
-change are stored in arrays, and all arrays are allocated when the agent is created.
+The policy is linear. Each trial tries half the best weights so far plus a random change, and keeps
+the new weights if the pole stayed up longer. The change is as large as the weights, because a
+climber that takes small steps stays on the first small hill that it finds. Compiled methods must
+follow two rules: numbers that change are stored in arrays, and all arrays are allocated when the
+agent is created.
 """
 
 from typing import NamedTuple
@@ -26,10 +28,10 @@ class HillClimber(NamedTuple):
 
     @compiled
     def begin_trial(self, rng):
-        """Draw new weights close to the best ones."""
+        """Draw new weights around the best ones."""
         self.steps[1] = 0.0
         for i in range(4):
-            self.tried[i] = self.best[i] + (2.0 * rng.random() - 1.0)
+            self.tried[i] = 0.5 * self.best[i] + (2.0 * rng.random() - 1.0)
 
     @compiled
     def act(self, observation, rng):

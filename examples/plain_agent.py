@@ -1,42 +1,59 @@
-"""A custom agent in plain Python: tabular Q-learning in thirty lines.
+"""An agent that learns from each fall to see the next one coming. Change it as you like.
 
-    upright table --agents examples.plain_agent:TinyQ,random-search --noises none --steps 1000
-
-It is measured by the same protocol and in the same table as the package's agents, but is a hundred
-times slower. `compiled_agent.py` shows how to write a fast agent.
+The agent predicts the side to which pole or cart will fall: above 0 right, below 0 left. It pushes
+to that side, as you move your hand under a broom. The prediction is a weighted sum of the four
+measurements, and each fall corrects the weights a little (the rule of Widrow & Hoff 1960).
 """
 
-from collections import defaultdict
+from collections import deque
 
 import numpy as np
 
 from upright import State
 
+RATE = 0.05  # size of a correction
+FADE = 0.98  # factor on the prediction for each step by which the fall is farther away
+LAST = 200  # a fall corrects what was predicted in this many steps before it
 
-class TinyQ:
-    """Greedy Q-learning on boxes of the pole's angle and angular velocity."""
+
+class PlainAgent:
+    """Learns four weights."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        """Create a new agent for a run; all random numbers it uses must come from `rng`."""
-        self.values: dict[tuple[float, float], list[float]] = defaultdict(lambda: [0.0, 0.0])
+        """Create an agent for a run. Draw all random numbers from `rng`: same seed, same run."""
+        self.weights = [0.0, 0.0, 0.0, 0.0]
+        self.recent: deque[State] = deque(maxlen=LAST)
 
-    def box(self, observation: State) -> tuple[float, float]:
-        """Return the box that contains a measurement; boxes are 2° by 20°/s in size."""
-        return round(observation.theta / 0.035), round(observation.theta_dot / 0.35)
+    def predict(self, z: tuple[float, ...]) -> float:
+        """Predict the side of the fall: 1 just before one to the right, -1 to the left."""
+        w = self.weights
+        return w[0] * z[0] + w[1] * z[1] + w[2] * z[2] + w[3] * z[3]
 
     def begin_trial(self, rng: np.random.Generator) -> None:
-        """Prepare for a trial from a new start."""
+        """Prepare for a trial."""
+        self.recent.clear()
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
-        """Choose a push: True to the right, False to the left."""
-        left, right = self.values[self.box(observation)]
-        return right > left or (right == left and rng.random() < 0.5)
+        """Choose a push at each step: True to the right, False to the left."""
+        side = self.predict(scaled(observation))
+        return side > 0.0 if side != 0.0 else rng.random() < 0.5
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
-        """Learn from one step: the measurement before, the push, and the measurement after."""
-        target = -1.0 if fallen else 0.95 * max(self.values[self.box(after)])
-        values = self.values[self.box(before)]
-        values[action] += 0.3 * (target - values[action])
+        """Learn from one step."""
+        self.recent.append(after)
 
     def end_trial(self, fallen: bool) -> None:
-        """Learn from the whole trial, which has ended in a fall or in success."""
+        """Learn from the whole trial: if it ended with a fall, from the last step backwards."""
+        if fallen:
+            x, _, theta, _ = scaled(self.recent[-1])
+            target = 1.0 if x + theta > 0.0 else -1.0  # the one beyond its limit outweighs
+            for z in map(scaled, reversed(self.recent)):
+                error = target - self.predict(z)
+                self.weights = [w + RATE * error * v for w, v in zip(self.weights, z, strict=True)]
+                target *= FADE
+
+
+def scaled(measured: State) -> tuple[float, float, float, float]:
+    """Return a measurement in units that make its four numbers similar in size."""
+    x, x_dot, theta, theta_dot = measured  # m, m/s, rad, rad/s; to the right is positive
+    return x / 2.4, x_dot, theta / 0.21, theta_dot  # it has fallen beyond 2.4 m or 0.21 rad

@@ -309,7 +309,7 @@ def runs() -> Iterator[tuple[str, Any, int]]:
         for integrator in INTEGRATORS:
             case = case_of(agent, integrator=integrator, noise="sensor-5")
             yield f"integrator/{agent}/{integrator}", case, 0
-    for agent in ("examples.compiled_agent:hill_climber", "examples.plain_agent:TinyQ"):
+    for agent in ("examples.compiled_agent:hill_climber", "examples.plain_agent:PlainAgent"):
         for noise in NOISY:
             yield f"custom/{agent}/{noise}", case_of(agent, noise=noise), 0
         yield f"custom/{agent}/hard", case_of(agent, **HARD), 1

@@ -34,7 +34,7 @@ from upright.studies.store import Store
 from upright.studies.study import _workers, study
 from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED, INTERRUPTED
 
-EXAMPLES = ("examples.plain_agent:TinyQ", "examples.compiled_agent:hill_climber")
+EXAMPLES = ("examples.plain_agent:PlainAgent", "examples.compiled_agent:hill_climber")
 
 # The same rule twice: a linear policy, each trial with other weights near the best so far.
 PLAIN = """
