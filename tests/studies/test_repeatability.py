@@ -130,7 +130,7 @@ def test_compiled_agents_are_judged_by_their_memory_too(n, doubted, write):
 
 
 def test_the_package_s_own_agents_and_other_plants_are_not_run(write, monkeypatch):
-    monkeypatch.setattr("upright.studies.repeatability.make_run", None)
+    monkeypatch.setattr("upright.studies.repeatability.trace", None)
     assert doubt_about(make_case("reinforce")) == ""
     assert doubt(AGENT.format(act=UNREPEATABLE["random"]), write, plant="gazebo") == ""
 
