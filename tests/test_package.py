@@ -195,6 +195,12 @@ def test_it_makes_a_table(installed):
     assert "3 runs per case, N = 200 steps" in installed.upright("show runs.sqlite")
 
 
+def test_it_writes_an_agent_that_passes(installed):
+    for words in ("mine.py", "mine_too.py --compiled"):
+        installed.upright(f"new {words}")
+        assert "nothing to mend" in installed.upright(f"check {words.split()[0]}")
+
+
 def test_the_matlab_twin_comes_with_it(installed):
     folder = Path(installed.upright("matlab path").strip())
     assert folder.is_relative_to(installed.packages)

@@ -19,6 +19,8 @@ from upright.support.registry import Registry
 COMMANDS: Registry[Any] = Registry(
     "command",
     {
+        "new": "upright.commands.new",
+        "check": "upright.commands.check",
         "learn": "upright.commands.learn",
         "play": "upright.commands.play",
         "table": "upright.commands.table",
@@ -51,6 +53,8 @@ examples:
   upright plot policy results/reinforce.npz    a picture of a trained policy
   upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings
+  upright new my_agent.py                      begin an agent of your own
+  upright check my_agent.py                    try all that it must do, and see if it learns
   upright matlab table                         Q-learning in MATLAB code, run by Octave
 `upright COMMAND --help` describes each.
 """

@@ -80,6 +80,27 @@ def _explained(path: Path) -> Iterator[None]:
         ) from None
 
 
+def create_file(path: Path | str, text: str) -> None:
+    """Write a new file: either all of it or nothing. A file that is already there is left alone.
+
+    Raises
+    ------
+    UprightError
+        If something of this name is already there, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.exists() or path.is_symlink():
+        raise UprightError(f"output is {str(path)!r}; it is already there and is not overwritten")
+    check_output(path)
+    with _explained(path), path.open("x", encoding="utf-8", newline="\n") as file:
+        try:
+            file.write(text)
+            file.flush()
+        except BaseException:
+            path.unlink()
+            raise
+
+
 def write_file(path: Path | str, data: bytes | str) -> None:
     """Write a file atomically: either all of it or nothing.
 
