@@ -229,8 +229,8 @@ def test_the_last_fall_is_drawn_behind():
     columns, _ = places(draw(at(1), last_fall=at(-1, -12)), FALLEN)
     assert metres(columns.min()) < -1.2
     assert (metres(columns) < -0.5).mean() > 0.99  # the rest are smoothed edges
-    assert len(places(draw(at(1)), FALLEN)[0]) == 0
-    assert len(places(draw(at(1), last_fall=at(math.nan)), FALLEN)[0]) == 0
+    for last_fall in (None, at(math.nan)):
+        assert len(places(draw(at(1), last_fall=last_fall), FALLEN)[0]) < 10
 
 
 @pytest.mark.parametrize("ending", ["fallen", "balanced"])

@@ -1,5 +1,6 @@
 """Shows a run in a window as it goes on in another thread."""
 
+import math
 import time
 
 import numpy as np
@@ -14,8 +15,8 @@ from upright.studies.pace import Pace
 
 PERIOD = 0.02
 """Time from one picture to the next [s]."""
-SHARE = 0.25
-"""Largest share of a processor that drawing takes."""
+SHARE = 0.15
+"""Largest share of the time that drawing takes from a run that goes as fast as possible."""
 REST = 0.5
 """Simulated time for which a trial's end is shown before the next one begins [s]."""
 LINGER = 1.5
@@ -88,7 +89,8 @@ class Stage:
         scene = scene_of(moment, self._who, chart=self._chart)._replace(note=speed, hint=HINT)
         self._window.draw(picture(moment.task.parameters, scene, size))
         self._drawn, self._drawn_as = moment, (size, speed)
-        self._due = now + max(PERIOD, (time.thread_time() - worked) / SHARE)
+        worked = time.thread_time() - worked
+        self._due = now + max(PERIOD, worked / SHARE if self.pace.speed == math.inf else 0.0)
 
     def linger(self) -> None:
         """Show how the run ended for a while, unless the window is closed."""
