@@ -193,7 +193,8 @@ def test_nobody_is_told_again_nor_in_a_file(tmp_path):
     ended = subprocess.run(
         [*UPRIGHT, *LEARN], stdout=subprocess.PIPE, stderr=its, env=os.environ | empty
     )
-    print("end", file=os.fdopen(its, "w"), flush=True)
+    os.write(its, b"end\n")
+    os.close(its)
     assert os.read(ours, 100) == b"end\r\n"
     assert ended.returncode == 0
     os.close(ours)

@@ -266,6 +266,12 @@ def test_a_user_written_cart_is_balanced(start):
 # ---- What goes wrong -----------------------------------------------------------------------------
 
 
+def has_begun(program):
+    """Whether what a program prints next is the scale of the bars, and the first trial."""
+    lines = [program.stdout.readline() for _ in range(2)]
+    return "logarithmic" in lines[0] and lines[1].startswith("trial    1")
+
+
 def test_without_a_cart_there_is_a_clear_error(start, domain):
     status, _, told = finish(start("ros2 learn reinforce --patience 1"))
     assert status == BAD_USE
@@ -327,7 +333,7 @@ def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
 
 def test_a_fault_ends_the_learner(simulator, start, hand):
     learner = start("ros2 learn random-search")
-    assert learner.stdout.readline().startswith("trial    1")
+    assert has_begun(learner)
     hand.command(math.nan)
     status, _, told = finish(learner)
     assert status == BAD_USE
@@ -336,7 +342,7 @@ def test_a_fault_ends_the_learner(simulator, start, hand):
 
 def test_a_killed_simulator_ends_the_learner(simulator, start):
     learner = start("ros2 learn random-search")
-    assert learner.stdout.readline().startswith("trial    1")
+    assert has_begun(learner)
     simulator.kill()
     status, _, told = finish(learner)
     assert status == BAD_USE
@@ -345,7 +351,7 @@ def test_a_killed_simulator_ends_the_learner(simulator, start):
 
 def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
     learner = start("ros2 learn random-search --watchdog 0.3")
-    assert learner.stdout.readline().startswith("trial    1")
+    assert has_begun(learner)
     simulator.send_signal(signal.SIGSTOP)
     status, _, told = finish(learner)
     simulator.send_signal(signal.SIGCONT)
@@ -382,7 +388,7 @@ def hand_of_simulator(domain, request):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_both_sides_stop_on_a_signal(number, simulator, start):
     learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
-    assert learner.stdout.readline().startswith("trial    1")
+    assert has_begun(learner)
     learner.send_signal(number)
     status, _, told = finish(learner)
     assert (status, told) == (INTERRUPTED, "upright: stopped\n")
@@ -395,7 +401,7 @@ def test_the_demonstration_leaves_nothing_behind(number, start):
     """Its simulator ends with it, however it ends (see `start`)."""
     demo = start("ros2 demo random-search --trials 100000 --steps 100000000")
     assert demo.stdout.readline().startswith("simulating")
-    assert demo.stdout.readline().startswith("trial    1")
+    assert has_begun(demo)
     demo.send_signal(number)
     status, _, _ = finish(demo)
     assert status == (INTERRUPTED if number != signal.SIGKILL else -signal.SIGKILL)

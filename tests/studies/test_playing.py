@@ -207,9 +207,9 @@ def test_watching_prints_every_trial_and_a_summary(learned, capsys):
     policy, case = guess()
     played = watch_play(policy, case, 3, 0)
     lines = capsys.readouterr().out.splitlines()
-    assert [int(line.split()[2]) for line in lines[:3]] == [trial.steps for trial in played]
+    assert [int(line.split()[2]) for line in lines[1:4]] == [trial.steps for trial in played]
     steps = sorted(trial.steps for trial in played)
-    assert lines[3] == (
+    assert lines[4] == (
         f"balanced in 0 of 3 trials; steps: mean {sum(steps) / 3:.1f}, median {steps[1]}, "
         f"shortest {steps[0]}"
     )

@@ -295,7 +295,8 @@ def test_several_processes_write_to_one_store(tmp_path):
 def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
     """That process has marked the file as a store, and is not done with it."""
     path = tmp_path / "results.db"
-    Store(path).close()
+    with Store(path) as store:
+        store.add(KEY, 1, result(0, 1))
     other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     other.execute("PRAGMA journal_mode = DELETE")
     other.execute("BEGIN IMMEDIATE")

@@ -29,6 +29,7 @@ from upright.studies.run import make_run
 from upright.studies.search_space import Range, search_space
 from upright.studies.settings_file import read_settings
 from upright.studies.store import Store
+from upright.studies.study import study
 from upright.studies.tuning import (
     SEEDS,
     Comparison,
@@ -345,7 +346,8 @@ def test_a_store_of_another_rule_is_refused(tmp_path, monkeypatch):
 
 def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
     (tmp_path / "text").write_text("not a database")
-    Store(tmp_path / "runs").close()
+    with Store(tmp_path / "runs") as store:
+        study([make_case("random-search", steps=50, trials=1)], 1, 0, store)
     for name, said in (("text", "not a database"), ("runs", "another program"), ("a/b", "folder")):
         before = (tmp_path / name).read_bytes() if (tmp_path / name).exists() else None
         with pytest.raises(UprightError, match=said):
