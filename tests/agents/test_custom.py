@@ -426,7 +426,7 @@ def test_a_run_of_a_learner_can_be_watched_and_stopped(write, capsys):
     assert run(f"learn {agent} --steps 300".split()) == 0
     shown = capsys.readouterr().out
     result = make_run(make_case(agent, steps=300), 0, 0)[1]
-    assert shown.count("\ntrial ") == result.trials - 1
+    assert shown.count("\ntrial ") == result.trials
     assert f"balanced at trial {result.trials}:" in shown
     assert make_run(make_case(agent, steps=300), 0, 0, stop=np.ones(1, np.bool_))[1] is None
 

@@ -309,7 +309,7 @@ def test_settings_that_cannot_be_are_refused(line, said, tmp_path, monkeypatch):
 
 def test_a_custom_agent_has_no_settings_to_change(monkeypatch):
     monkeypatch.syspath_prepend(ROOT)
-    agent = "examples.plain_agent:TinyQ"
+    agent = "examples.plain_agent:PlainAgent"
     with pytest.raises(UprightError, match="it has no settings that could be changed here"):
         cases_for(f"--set {agent}.agent_name=x", [agent])
 

@@ -3,7 +3,7 @@ from helpers import ROOT
 
 import upright
 
-PLAIN = "examples.plain_agent:TinyQ"
+PLAIN = "examples.plain_agent:PlainAgent"
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +45,13 @@ def test_an_agent_in_plain_python_learns_and_is_played(monkeypatch):
     monkeypatch.syspath_prepend(ROOT)
     policy, result = upright.learn(PLAIN, steps=60, trials=200)
     assert result.success
-    assert policy.memory.values
+    assert policy.memory.weights
     assert len(upright.play(policy, 2)) == 2
 
 
 def test_a_class_stands_for_its_path(monkeypatch):
     monkeypatch.syspath_prepend(ROOT)
-    from examples.plain_agent import TinyQ
+    from examples.plain_agent import PlainAgent
 
-    assert upright.make_case(TinyQ) == upright.make_case(PLAIN)
-    assert upright.learn(TinyQ, steps=60, trials=200).policy.agent == PLAIN
+    assert upright.make_case(PlainAgent) == upright.make_case(PLAIN)
+    assert upright.learn(PlainAgent, steps=60, trials=200).policy.agent == PLAIN

@@ -12,7 +12,7 @@ import pytest
 from helpers import COMMAND, ROOT
 
 from upright.core.parameters import State
-from upright.errors import Stopped, UprightError
+from upright.errors import AgentError, Stopped, UprightError
 from upright.pictures.size import SIZE, Size
 from upright.plants.mujoco import Mujoco
 from upright.plants.ros2.plant import Ros2
@@ -27,7 +27,7 @@ from upright.studies.watching import GOES_ON, watch_run
 AGENTS = {
     "built-in": "q-learning",
     "compiled": "examples.compiled_agent:hill_climber",
-    "plain": "examples.plain_agent:TinyQ",
+    "plain": "examples.plain_agent:PlainAgent",
     "learner": "helpers:GuessingLearner",
 }
 """An agent of every kind."""
@@ -256,8 +256,8 @@ def test_an_error_in_a_watched_agent_is_raised(monkeypatch):
     def fails(*_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("examples.plain_agent.TinyQ.learn", fails)
-    with pytest.raises(ZeroDivisionError):
+    monkeypatch.setattr("examples.plain_agent.PlainAgent.learn", fails)
+    with pytest.raises(AgentError, match="ZeroDivisionError"):
         watch_run(case_of("plain"), 0, 0, window=True)
 
 
@@ -303,7 +303,7 @@ def test_a_filmed_run_has_the_same_trials(kind, tmp_path, capsys):
     assert "320x176" in said
     shown = capsys.readouterr().out
     assert shown.endswith(f"video: {path}\n")
-    assert shown.count("\ntrial ") == filmed.trials - 1
+    assert shown.count("\ntrial ") == filmed.trials
     holds = 25 * filmed.trials + 50
     assert pictures == filmed.lengths.sum() + filmed.trials + holds
 
@@ -360,7 +360,7 @@ def test_film_run_makes_the_run_and_the_video(tmp_path):
     case = case_of("plain", trials=3)
     path = tmp_path / "film.gif"
     agent, result = film_run(path, case, 3, 1, size=Size(320, 176))
-    assert type(agent).__name__ == "TinyQ"
+    assert type(agent).__name__ == "PlainAgent"
     np.testing.assert_array_equal(result.lengths, make_run(case, 3, 1)[1].lengths)
     assert path.read_bytes().startswith(b"GIF89a")
     with pytest.raises(UprightError, match=r"'\.avi'"):

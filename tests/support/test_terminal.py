@@ -3,8 +3,8 @@ import io
 import os
 import pty
 import sys
+from contextlib import redirect_stderr
 
-import pytest
 from helpers import python
 
 from upright.agents import AGENTS
@@ -97,25 +97,18 @@ def test_the_width_is_what_columns_says_else_that_of_the_terminal_else_80(monkey
     assert ended.stdout == "80\n"  # a pipe
 
 
-@pytest.fixture
-def screen(monkeypatch):
-    """Standard error on a terminal; gives what was shown on it."""
+def test_a_notice_goes_again():
     ours, its = pty.openpty()
     stream = os.fdopen(its, "w", encoding="ascii", errors=terminal.HANDLER)
-    monkeypatch.setattr(sys, "stderr", stream)
-    yield lambda: os.read(ours, 1000)
-    stream.close()
+    with stream, redirect_stderr(stream):
+        notice("wait …")
+        assert os.read(ours, 1000) == b"wait ..."
+        end_notice()
+        assert os.read(ours, 1000) == b"\r        \r"
+        end_notice()
+        print("next", end="", file=sys.stderr, flush=True)
+        assert os.read(ours, 1000) == b"next"
     os.close(ours)
-
-
-def test_a_notice_goes_again(screen):
-    notice("wait …")
-    assert screen() == b"wait ..."
-    end_notice()
-    assert screen() == b"\r        \r"
-    end_notice()
-    print("next", end="", file=sys.stderr, flush=True)
-    assert screen() == b"next"
 
 
 def test_nobody_is_told_where_nobody_watches(capsys):

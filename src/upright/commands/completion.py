@@ -22,6 +22,7 @@ FREE = (
     "AGENT.NAME=VALUES",
     "NAME[=LOW:HIGH]",
     "MODULE:NAME",
+    "SIZE",
     "URL",
     "VALUE",
 )

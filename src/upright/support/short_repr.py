@@ -1,19 +1,21 @@
 """Short texts for objects that hold many numbers."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 FEW = 8
 """The most numbers that are shown in full."""
 
 
-def short_list(numbers: np.ndarray) -> str:
+def short_list(numbers: "np.ndarray") -> str:
     """Return the numbers of an array with one dimension; the middle is left out if they are many.
 
     Examples
     --------
+    >>> import numpy as np
     >>> short_list(np.arange(1000))
     '[0, 1, 2, 3, ..., 997, 998, 999]'
     """
@@ -29,6 +31,7 @@ def short_repr(record: Any) -> str:
     Examples
     --------
     >>> from typing import NamedTuple
+    >>> import numpy as np
     >>> class Memory(NamedTuple):
     ...     values: np.ndarray
     ...     rate: float
@@ -51,6 +54,8 @@ def call(name: str, values: Mapping[str, Any], first: Iterable[Any] = ()) -> str
 
 
 def _short(value: Any) -> str:
+    import numpy as np  # imported late: the help of commands needs none of this
+
     if isinstance(value, np.ndarray):
         return f"{value.dtype}{list(value.shape)}" if value.size > 1 else str(value.tolist())
     if isinstance(value, np.generic):

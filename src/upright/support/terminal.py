@@ -42,6 +42,8 @@ SIGNS = {
     "ρ": "rho",
     "σ": "sigma",
     "φ": "phi",
+    "✓": "+",
+    "✗": "x",
 }
 """What stands for the signs that the package uses, where an encoding lacks them."""
 HANDLER = "upright"

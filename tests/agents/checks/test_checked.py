@@ -301,4 +301,4 @@ def test_an_agent_that_ends_its_process_is_named(write):
 
 def test_no_example_is_refused(monkeypatch):
     monkeypatch.chdir(ROOT)
-    assert make_run(make_case("examples.plain_agent:TinyQ", steps=200, trials=20), 0, 0)[1]
+    assert make_run(make_case("examples.plain_agent:PlainAgent", steps=200, trials=20), 0, 0)[1]
