@@ -6,7 +6,9 @@ N steps. Its policy then plays one trial on every plant, without learning.
 
 import sys
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from os import cpu_count
 from typing import NamedTuple
 
 from speed import make_parser, put
@@ -17,7 +19,6 @@ from upright.studies.intervals import wilson_interval
 from upright.studies.learned import learned_policy
 from upright.studies.playing import case_for, play_trials
 from upright.studies.run import make_run
-from upright.support.processes import process_pool
 
 AGENTS = ("reinforce", "q-learning", "adaptive-lqr")
 PLANTS = {"equations": "equations", "mujoco": "MuJoCo", "gazebo": "Gazebo"}
@@ -84,7 +85,7 @@ def main() -> None:
     arguments = parser.parse_args()
     trials: dict[Learner, list[list[int]]] = {learner: [] for learner in LEARNERS}
     failed = 0
-    with process_pool() as workers:
+    with ProcessPoolExecutor(cpu_count(), get_context("spawn")) as workers:
         for learner, lengths in transfer_all(arguments.runs, arguments.steps, workers):
             failed += lengths is None
             if lengths:

@@ -213,6 +213,7 @@ def test_without_gazebo_there_is_a_clear_error(tmp_path, learner, monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_server_outlives_its_learner(number, learner):
     process = learner("learn random-search --plant gazebo --steps 100000000 --trials 100000")
+    assert "logarithmic scale" in process.stdout.readline()
     assert process.stdout.readline().startswith("trial    1")
     process.send_signal(number)
     process.communicate(timeout=LIMIT)

@@ -273,6 +273,7 @@ def test_an_interrupt_stops_a_watched_run_within_a_step(kind, tmp_path):
         text=True,
         env=os.environ | {"SDL_VIDEODRIVER": "dummy", "PYTHONPATH": paths},
     )
+    assert "logarithmic scale" in process.stdout.readline()
     assert process.stdout.readline().startswith("trial    1 ")
     process.send_signal(signal.SIGINT)
     began = time.monotonic()

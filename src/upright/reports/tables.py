@@ -74,7 +74,7 @@ def _labels(rows: Sequence["Row"]) -> list[Column]:
         Column("Noise", [row.task.noise for row in rows]),
     ]
     perhaps = [
-        Column("Task", [_task_text(row) for row in rows]),
+        Column("Task", _differences(rows)),
         Column("Runs", [str(row.runs) for row in rows]),
         Column("Seed", [str(row.seed) for row in rows]),
     ]
@@ -105,8 +105,9 @@ def _published(rows: Sequence["Row"], sources: Sequence[str]) -> list[Column]:
 
 def _notes(rows: Sequence["Row"]) -> list[str]:
     """Return how the runs were made, and how the figures are to be read."""
+    shared = _shared(rows)
     return [
-        *sorted({_protocol(row) for row in rows}),
+        *sorted({_protocol(row, shared) for row in rows}),
         "Mean trials, median, p95 and max are over the successful runs; every trial counts, "
         "including the successful one. 95 % intervals are in brackets.",
     ]
@@ -121,21 +122,34 @@ def _citations(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
     ]
 
 
-def _protocol(row: "Row") -> str:
-    """Return how the runs of a row were made, with all values that differ from the usual ones."""
-    parts = [f"{count(row.runs, 'run')} per case", _task_text(row), f"seed {row.seed}"]
+def _protocol(row: "Row", shared: Sequence[str]) -> str:
+    """Return how the runs of a row were made, on what its task shares with those of other rows."""
+    parts = [f"{count(row.runs, 'run')} per case", *shared, f"seed {row.seed}"]
     parts += [f"upright {row.version}"] if row.version else []
     return ", ".join(parts) + "."
 
 
-def _task_text(row: "Row") -> str:
-    """Return the task of a row but for its noise, with all that differs from the usual values."""
+def _shared(rows: Sequence["Row"]) -> list[str]:
+    """Return the parts that the tasks of all rows have."""
+    tasks = [_parts(row) for row in rows]
+    return [part for part in tasks[0] if all(part in task for task in tasks)] if tasks else []
+
+
+def _differences(rows: Sequence["Row"]) -> list[str]:
+    """Return in what the task of each row differs from what all tasks share, or a dash."""
+    shared = _shared(rows)
+    texts = (", ".join(part for part in _parts(row) if part not in shared) for row in rows)
+    return [text or "–" for text in texts]
+
+
+def _parts(row: "Row") -> list[str]:
+    """Return the parts of a row's task but for its noise, and all that differs from the usual."""
     task = row.task
     parts = [f"N = {task.steps:,} steps", f"start {task.start}"]
     parts += [f"condition {task.condition}"] if task.condition != "nominal" else []
     parts += [f"at most {task.trials:,} trials"] if task.trials != TRIALS else []
     changed = {**changed_parameters(task.parameters), **row.plant_settings}
-    return ", ".join([*parts, *(f"{name} {value}" for name, value in changed.items())])
+    return [*parts, *(f"{name} {value}" for name, value in changed.items())]
 
 
 CORE = ("Success", "Mean trials", "Median")
@@ -218,7 +232,8 @@ def _lines(labels: Sequence[Column], figures: Sequence[Column], width: int) -> l
     names = list(zip(*(label.cells for label in others), strict=True))
     lines = [head, rule]
     for name, group in groupby(zip(names, body, strict=True), key=lambda pair: pair[0]):
-        lines.append(textwrap.fill(", ".join(name), width, **UNBROKEN))
+        said = ", ".join(cell for cell in name if cell != "–")
+        lines.append(textwrap.fill(said, width, **UNBROKEN))
         lines += [line for _, line in group]
     return lines
 

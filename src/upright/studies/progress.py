@@ -54,7 +54,9 @@ def _terminal_bar(total: int, starting: str) -> Iterator[Callable[[str, str], No
         TimeRemainingColumn(),
     )
     end_notice()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task(starting, total=total, rate="")
 
         def advance(name: str, speed: str) -> None:
