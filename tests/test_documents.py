@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 import pytest
-from helpers import ROOT
+from helpers import ROOT, forget
 from markdown_it import MarkdownIt
 
 import upright
@@ -177,6 +177,8 @@ def steady(line):
 @pytest.mark.slow
 @pytest.mark.parametrize("block", **by_place([b for b in SHELL if any(map(is_quick, commands(b)))]))
 def test_quick_commands_run_and_print_what_is_shown(block, folder, monkeypatch, capsys):
+    for name in ("my_agent", "second_agent"):  # of another block, which wrote it elsewhere
+        forget(name)
     for command in filter(is_quick, commands(block)):
         status = call(command.words, monkeypatch)
         printed = capsys.readouterr()

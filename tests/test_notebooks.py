@@ -180,7 +180,7 @@ def test_a_class_that_is_defined_again_has_runs_of_its_own(cells):
 def test_a_compiled_class_of_the_notebook_learns_and_is_measured(cells):
     assert cells["compiled"].text.startswith("Policy('__main__:fast', steps=200")
     assert "Fast(weights=array" in cells["memory"].text
-    assert re.search(r"^fast +default +none +100 %", cells["both"].text, re.MULTILINE)
+    assert re.search(r"^fast +none +100 %", cells["both"].text, re.MULTILINE)
     assert cells["runs"].text != cells["other runs"].text
 
 

@@ -191,7 +191,7 @@ def test_it_learns(installed):
 
 def test_it_makes_a_table(installed):
     line = "table --agents random-search --noises none --runs 3 --steps 200 --store runs.sqlite"
-    assert "random-search  default   none" in installed.upright(line)
+    assert "random-search  none" in installed.upright(line)
     assert "3 runs per case, N = 200 steps" in installed.upright("show runs.sqlite")
 
 
