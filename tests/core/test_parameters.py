@@ -1,6 +1,7 @@
 """Parameters of the plant, from the name to every plant that is made of them."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -64,9 +65,10 @@ def test_tables_name_the_parameters_that_were_changed():
     results = upright.study(cases, runs=2)
     rows = [upright.summarise(case, 0, results[case]) for case in cases]
     text = upright.render(rows, "text", width=1000)
-    notes = [line for line in text.splitlines() if "2 runs per case" in line]
-    assert len(notes) == 2
-    assert sum("half_length 1.0, " in note for note in notes) == 1
+    head, _, *lines = (re.split(r" {2,}", line) for line in text.splitlines()[:4])
+    changed = ", ".join(f"{name} {LONG[name]}" for name in Parameters._fields if name in LONG)
+    assert sorted(line[head.index("Task")] for line in lines) == sorted(["–", changed])
+    assert "2 runs per case, N = 50 steps, start random, seed 0" in text
     assert [row["parameters"] for row in json.loads(upright.render(rows, "json"))] == [{}, LONG]
 
 

@@ -227,7 +227,8 @@ def test_no_server_outlives_its_learner(number, learner):
 def test_a_picture_shows_cart_and_pole(tmp_path, capsys):
     policy, picture = str(tmp_path / "policy.npz"), tmp_path / "gazebo.png"
     assert run(["learn", "adaptive-lqr", "--quiet", "--save", policy]) == 0
-    assert run(["gazebo", "view", policy, "--screenshot", str(picture)]) == 0
+    view = ["gazebo", "view", policy, "--screenshot", str(picture)]
+    assert 0 in (run(view) for _ in range(2))  # Gazebo's window sometimes stays empty
     assert f"picture: {picture}" in capsys.readouterr().out
     red, _, blue = np.moveaxis(imread(picture)[:, :, :3], 2, 0)
     assert (blue > red + 0.3).sum() > 1_000  # the cart
