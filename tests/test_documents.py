@@ -26,6 +26,7 @@ PYTHON_NOT_RUN = {
 }
 """Python that is only compiled: what stands in it, and why."""
 COMMANDS_NOT_RUN = {
+    "check": "takes a quarter of a minute, and has tests of its own",
     "gazebo": "needs Gazebo",
     "matlab table": "needs Octave",
     "reproduce": "takes minutes",
@@ -33,6 +34,7 @@ COMMANDS_NOT_RUN = {
     "table": "takes minutes",
     "tune": "takes minutes",
     "--plant": "needs the simulator",
+    "--video": "takes half a minute, and has tests of its own",
     "--window": "needs a display",
     "my_learners:PPO --noise": "needs Stable-Baselines3",
 }
@@ -136,6 +138,7 @@ def folder(prepared, tmp_path, monkeypatch):
     """A copy of that folder, as the present one."""
     shutil.copytree(prepared, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(ROOT)  # a reader stands in the clone, where examples/ is
     return tmp_path
 
 

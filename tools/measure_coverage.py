@@ -26,7 +26,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LIMIT = 0.2
 """How long a test may take while nothing is compiled [s]."""
-PASS_LIMIT = 280.0
+PASS_LIMIT = 145.0
 """How long a pass may take; one that takes longer is left out of the report [s]."""
 KERNEL_TESTS = (
     "tests/core",
