@@ -97,17 +97,16 @@ def agent_named(given: str) -> str:
     UprightError
         If the file is missing, cannot be a module, or has no agent or several.
     """
-    import os
     from pathlib import Path
 
-    from upright.agents.checks.names import advice, agents_in
+    from upright.agents.checks.names import advice, agents_in, module_parts
     from upright.errors import UprightError
 
     file, _, name = (given, "", "") if given.endswith(".py") else given.rpartition(":")
     if not file.endswith(".py"):
         return given
     path = Path(file)
-    parts = os.path.relpath(path).removesuffix(".py").split(os.sep)
+    parts = module_parts(path)
     if not path.is_file() or not all(part.isidentifier() for part in parts):
         raise UprightError(f"agent is {given!r}; {advice(given)}")
     module, names = ".".join(parts), [name] if name else agents_in(path) or classes_in(path)

@@ -24,6 +24,7 @@ from upright.agents.checks.contract import METHODS, is_learner
 from upright.core.compiled import is_compiled
 from upright.core.trials import Result
 from upright.errors import AgentError, UprightError
+from upright.reports.comparison import GUESSING
 from upright.reports.statistics import Row, summarise
 from upright.studies.case import Case, make_case
 from upright.studies.learned import check_policy
@@ -32,13 +33,14 @@ from upright.studies.run import make_run
 from upright.studies.study import study
 from upright.studies.trace import Trace, trace, trace_elsewhere
 from upright.support.processes import process_pool
+from upright.support.words import count
 
 FORMAT, VERSION = "upright check", 1
 """What a report says it is when it is written as data, and the version of its form."""
 SEED = 1_000_000
 """Seed of all checks; those of tables are smaller."""
-GUESSING, GUESSING_RUNS = "random-search", 100
-"""The agent that guesses, and the number of its runs."""
+GUESSING_RUNS = 100
+"""Number of runs of the agent that guesses."""
 PROBE_STEPS, PROBE_TRIALS, PROBE_SECONDS = 500, 10, 1.0
 """Runs that are compared with each other: their size, and the time for one, which may reduce it."""
 STUDY_STEPS, STUDY_TRIALS, STUDY_RUNS, STUDY_SECONDS = 5_000, 100, 20, 8.0
@@ -223,7 +225,7 @@ def _sized(case: Case, speed: float) -> Case:
 
 
 def _run(case: Case, first: Trace) -> Finding:
-    trials = "1 trial" if len(first.lengths) == 1 else f"{len(first.lengths)} trials"
+    trials = count(len(first.lengths), "trial")
     text = f"{trials} of at most {case.spec.steps} steps ended without an error"
     return Finding("run", Outcome.PASSED, text, figures={"lengths": list(first.lengths)})
 

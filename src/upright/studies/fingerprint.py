@@ -19,7 +19,7 @@ from upright.agents.custom import CustomAgent
 from upright.errors import UprightError
 from upright.plants import PLANTS
 from upright.studies.definitions import digest_of, is_in_main
-from upright.support.files import PACKAGE, digest
+from upright.support.files import INSTALLED, PACKAGE, digest
 from upright.support.registry import Registry
 
 RUNNING = ("studies/run.py", "studies/random_streams.py")
@@ -28,8 +28,6 @@ GYMNASIUM = "environments/trial_protocol.py"
 """Module that runs a learner that only knows Gymnasium."""
 WITHOUT_EFFECT = ("errors.py", "support", "pictures")
 """Parts of the package that imported modules may use, but that no result depends on."""
-INSTALLED = ("site-packages", "dist-packages")
-"""Names of folders of installed packages, where neighbouring modules are not part of an agent."""
 
 
 _known: dict[tuple[str, str], tuple[object, str]] = {}

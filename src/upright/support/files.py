@@ -11,6 +11,8 @@ from upright.errors import UprightError
 
 PACKAGE = Path(__file__).parents[1]
 """The folder of this package."""
+INSTALLED = ("site-packages", "dist-packages")
+"""Names of folders of installed packages."""
 
 
 def digest(paths: Iterable[Path], folder: Path) -> str:

@@ -8,13 +8,11 @@ from itertools import chain
 from pathlib import Path
 
 from upright.errors import AgentError
-from upright.support.files import PACKAGE
+from upright.support.files import INSTALLED, PACKAGE
 
 RAISED = (Exception, SystemExit)
 """What an agent's code may raise. SystemExit is one, because it would end a command with 0."""
 
-INSTALLED = ("site-packages", "dist-packages")
-"""Names of folders of installed packages."""
 LIBRARIES = ("numba", "numpy")
 """Installed packages that are never an agent's own code."""
 OWN, OTHERS, NEVER = range(3)

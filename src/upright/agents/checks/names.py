@@ -30,7 +30,7 @@ def advice(name: str) -> str:
     if not path.is_file():
         return f"there is no file {str(path)!r}; a custom agent is named module:name"
     found = [made] if made else agents_in(path)
-    parts = os.path.relpath(path).removesuffix(".py").split(os.sep)
+    parts = module_parts(path)
     folder = ""
     if os.pardir in parts:
         parts, folder = [path.stem], f" in the folder {str(path.resolve().parent)!r}"
@@ -45,6 +45,11 @@ def advice(name: str) -> str:
         return f"write {f'{module}:{found[0]}'!r}{folder}"
     which = f", where NAME is one of {', '.join(found[:LISTED])}" if found else ""
     return f"write '{module}:NAME'{folder}{which}"
+
+
+def module_parts(path: Path) -> list[str]:
+    """Return the parts of the name of a file's module, as it is imported from this folder."""
+    return os.path.relpath(path).removesuffix(".py").split(os.sep)
 
 
 def agents_in(path: Path) -> list[str]:
