@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from upright.agents import AGENTS
 from upright.support import terminal
-from upright.support.machine_code import lacking, note_compiled
 
 if TYPE_CHECKING:
     from upright.reports.statistics import Row
@@ -55,6 +54,8 @@ def telling_of_compilation(agents: Iterable[str], work: str = "learn") -> Iterat
     work
         What they do, for which they are compiled apart.
     """
+    from upright.support.machine_code import lacking, note_compiled
+
     things = [work, *(f"{work} {agent}" for agent in agents if agent in AGENTS.built_in)]
     if lacking(things):
         terminal.notice("compiling, once per version …")

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from upright.core.conditions import TRIALS
 from upright.core.parameters import changed_parameters
 from upright.errors import require_all, require_one_of
-from upright.reports.published import SOURCES
 from upright.support import terminal
 from upright.support.words import count
 
@@ -114,6 +113,8 @@ def _notes(rows: Sequence["Row"]) -> list[str]:
 
 
 def _citations(rows: Sequence["Row"], sources: Sequence[str]) -> list[str]:
+    from upright.reports.published import SOURCES  # imported late: the help needs only FORMATS
+
     agents = {row.agent for row in rows}
     return [
         f"{source.name}: {source.citation} ({source.protocol})."

@@ -1,7 +1,6 @@
 """Whole numbers as people write them."""
 
 import re
-from decimal import Decimal
 
 from upright.errors import UprightError
 
@@ -36,6 +35,8 @@ def whole_number(text: str, *, commas: bool = True) -> int:
     if PLAIN.fullmatch(text) or (commas and COMMAS.fullmatch(text)):
         return int(text.replace(",", ""))
     if scaled := SCALED.fullmatch(text):
+        from decimal import Decimal  # imported late: few numbers need it
+
         number, exponent, letter = scaled.groups()
         value = Decimal(number).scaleb(EXPONENTS[letter] if letter else int(exponent))
         if value == value.to_integral_value():
