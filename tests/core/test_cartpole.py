@@ -33,6 +33,8 @@ parameters = st.builds(
     cart_friction=number(0, 0.5),
     pole_friction=number(0, 0.1),
     time_step=number(0.001, 0.05),
+    gravity_along=number(-20, 20),
+    static_friction=st.just(0.0),
 )
 integrators = st.sampled_from([int(each) for each in Integrator])
 SEMI_IMPLICIT, RK4 = int(Integrator.SEMI_IMPLICIT), int(Integrator.RK4)
@@ -53,8 +55,12 @@ def textbook_slope(p, state, force):
     generalised_forces = [
         force
         + p.pole_mass * p.half_length * theta_dot**2 * math.sin(theta)
-        - p.cart_friction * np.sign(x_dot),
-        p.pole_mass * p.gravity * p.half_length * math.sin(theta) - p.pole_friction * theta_dot,
+        - p.cart_friction * np.sign(x_dot)
+        - (p.cart_mass + p.pole_mass) * p.gravity_along,
+        p.pole_mass
+        * p.half_length
+        * (p.gravity * math.sin(theta) - p.gravity_along * math.cos(theta))
+        - p.pole_friction * theta_dot,
     ]
     x_acceleration, theta_acceleration = np.linalg.solve(mass_matrix, generalised_forces)
     return [x_dot, x_acceleration, theta_dot, theta_acceleration]
@@ -100,7 +106,8 @@ def test_accelerations_by_hand_at_rest_and_upright():
 
 @given(parameters, states, forces, integrators)
 def test_a_mirrored_cart_pole_moves_as_in_a_mirror(p, state, force, integrator):
-    mirrored = step(p, minus(state), -force, integrator)
+    tilted_back = p._replace(gravity_along=-p.gravity_along)
+    mirrored = step(tilted_back, minus(state), -force, integrator)
     assert mirrored == minus(step(p, state, force, integrator))
 
 

@@ -42,7 +42,7 @@ def test_a_simulator_moves_as_the_equations_do_with_changed_parameters(plant):
 @pytest.mark.parametrize("name", Parameters._fields)
 def test_every_parameter_is_a_part_of_a_run_s_key(name):
     usual = upright.make_case("random-search")
-    value = 1.5 * getattr(Parameters(), name)
+    value = 1.5 * getattr(Parameters(), name) or 1.5
     changed = upright.make_case("random-search", parameters={name: value})
     assert changed.key != usual.key
     assert json.loads(changed.key)["task"]["parameters"] == {name: value}

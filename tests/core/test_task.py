@@ -22,7 +22,7 @@ from upright.core.loops import compiled_run
 from upright.core.noise import draw_start, measure
 from upright.core.parameters import Parameters, State
 from upright.core.task import Task, TaskSpec, draw_plant
-from upright.core.trials import delay, run, trial
+from upright.core.trials import run, trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
 from upright.studies.case import make_case
@@ -74,8 +74,8 @@ def test_a_condition_changes_only_what_it_names():
         "nominal": set(),
         "varied-plant": set(),
         "friction-100": {"parameters"},
-        "delay-1": {"delay"},
-        "delay-2": {"delay"},
+        "delay-1": {"rig"},
+        "delay-2": {"rig"},
         "no-velocities": {"noise"},
     }
 
@@ -245,15 +245,6 @@ def test_noise_acts_on_the_push_that_arrives():
     assert plant.forces[0][:2] == [0.0, 0.0]
 
 
-def test_delay_by_hand():
-    waiting, acting = delay(2, (0.0, 0.0), 1.0)
-    assert acting == 0.0
-    waiting, acting = delay(2, waiting, 2.0)
-    assert acting == 0.0
-    waiting, acting = delay(2, waiting, 3.0)
-    assert acting == 1.0
-
-
 # ------------------------------------------------------------------------------ velocities
 
 
@@ -328,7 +319,7 @@ def test_every_run_has_a_plant_of_its_own_and_every_agent_the_same():
     for agent in AGENTS:
         case = make_case(agent, condition="varied-plant")
         plants[agent] = [make_run_task(case, 7, run).parameters for run in range(20)]
-        assert make_run_task(case, 8, 0) != make_run_task(case, 7, 0)
+        assert make_run_task(case, 8, 0).parameters != make_run_task(case, 7, 0).parameters
     first = plants["random-search"]
     assert len({plant.half_length for plant in first}) == 20
     assert all(each == first for each in plants.values())
@@ -340,7 +331,7 @@ def test_every_run_has_a_plant_of_its_own_and_every_agent_the_same():
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_only_varied_plants_vary(condition):
     case = make_case("random-search", condition=condition)
-    varies = make_run_task(case, 7, 0) != case.spec.task()
+    varies = make_run_task(case, 7, 0).parameters != case.spec.task().parameters
     assert varies == (condition == "varied-plant")
 
 

@@ -39,27 +39,54 @@ def accelerations(parameters: Parameters, state: State, force: float) -> tuple[f
         u = (F + m l θ̇² sin θ - μ_c sgn ẋ) / (m_c + m)
         θ̈ = (g sin θ - u cos θ - μ_p θ̇ / (m l)) / (l (4/3 - m cos² θ / (m_c + m)))
         ẍ = u - m l θ̈ cos θ / (m_c + m)
+
+    Along a tilted track, gravity accelerates cart and pole alike: ẍ is less by `gravity_along`.
     """
     sin, cos = sine_cosine(state.theta)
-    return _accelerations(parameters, state, force, sin, cos)
+    if parameters.static_friction > 0.0 and state.x_dot == 0.0:
+        return _accelerations_from_rest(parameters, state, force, sin, cos)
+    sign_x_dot = int(state.x_dot > 0.0) - int(state.x_dot < 0.0)
+    return _accelerations(parameters, state, force, sin, cos, sign_x_dot)
+
+
+@compiled
+def _accelerations_from_rest(
+    parameters: Parameters, state: State, force: float, sin: float, cos: float
+) -> tuple[float, float]:
+    """Return the same as `accelerations` for a cart at rest that static friction may hold.
+
+    It holds the cart if it is not less than the force that then accelerates the cart, which is
+
+        F + m l (θ̇² sin θ - θ̈ cos θ) - (m_c + m) gravity_along, with
+        θ̈ = (g sin θ - μ_p θ̇ / (m l)) / (4/3 l)
+
+    for a pole on a cart at rest. Otherwise, the cart slips in the direction of that force.
+    """
+    p, theta_dot = parameters, state.theta_dot
+    ml = p.pole_mass * p.half_length
+    held = (p.gravity * sin - (p.pole_friction / ml) * theta_dot) / (4.0 / 3.0 * p.half_length)
+    pull = force + ml * (theta_dot * theta_dot * sin - held * cos)
+    pull -= (p.cart_mass + p.pole_mass) * p.gravity_along
+    if abs(pull) <= p.static_friction:
+        return 0.0, held
+    return _accelerations(parameters, state, force, sin, cos, 1 if pull > 0.0 else -1)
 
 
 @compiled
 def _accelerations(
-    parameters: Parameters, state: State, force: float, sin: float, cos: float
+    parameters: Parameters, state: State, force: float, sin: float, cos: float, sign_x_dot: int
 ) -> tuple[float, float]:
-    """Return the same as `accelerations`, given sin θ and cos θ."""
+    """Return the same as `accelerations`, given sin θ, cos θ and sgn ẋ."""
     p = parameters
     g, m, l, theta_dot = p.gravity, p.pole_mass, p.half_length, state.theta_dot  # noqa: E741
     ml = m * l
     mass_inverse = 1.0 / (p.cart_mass + m)  # a division takes as long as four products
-    sign_x_dot = int(state.x_dot > 0.0) - int(state.x_dot < 0.0)
     u = (force + ml * theta_dot * theta_dot * sin - p.cart_friction * sign_x_dot) * mass_inverse
     theta_acceleration = (g * sin - cos * u - (p.pole_friction / ml) * theta_dot) / (
         l * (4.0 / 3.0 - (m * mass_inverse) * (cos * cos))
     )
     x_acceleration = u - (ml * mass_inverse) * (theta_acceleration * cos)
-    return x_acceleration, theta_acceleration
+    return x_acceleration - p.gravity_along, theta_acceleration
 
 
 @compiled
@@ -129,18 +156,35 @@ def step(parameters: Parameters, state: State, force: float, integrator: int = E
         An `Integrator`, as an integer.
     """
     if integrator == Integrator.RK4:
-        return _rk4(parameters, state, force)
-    acceleration = accelerations(parameters, state, force)
-    if integrator == Integrator.SEMI_IMPLICIT:
-        return _semi_implicit(parameters, state, acceleration)
-    return _euler(parameters, state, acceleration)
+        moved = _rk4(parameters, state, force)
+    else:
+        acceleration = accelerations(parameters, state, force)
+        if integrator == Integrator.SEMI_IMPLICIT:
+            moved = _semi_implicit(parameters, state, acceleration)
+        else:
+            moved = _euler(parameters, state, acceleration)
+    if parameters.static_friction > 0.0 and state.x_dot * moved.x_dot < 0.0:
+        return _at_rest_if_held(parameters, moved, force)
+    return moved
+
+
+@compiled
+def _at_rest_if_held(parameters: Parameters, state: State, force: float) -> State:
+    """Return the state of a cart that turned round in a step, at rest if friction now holds it."""
+    rest = State(state.x, 0.0, state.theta, state.theta_dot)
+    x_acceleration, _ = accelerations(parameters, rest, force)
+    return rest if x_acceleration == 0.0 else state
 
 
 @compiled
 def step_small(parameters: Parameters, state: State, force: float) -> State:
-    """Return what `step` returns by explicit Euler; branch-free, for angles up to SMALL only."""
+    """Return what `step` returns by explicit Euler; branch-free, for angles up to SMALL only.
+
+    Static friction must be zero.
+    """
     sin, one_less_cos = small_sine_cosine(state.theta)
-    acceleration = _accelerations(parameters, state, force, sin, 1.0 - one_less_cos)
+    sign_x_dot = int(state.x_dot > 0.0) - int(state.x_dot < 0.0)
+    acceleration = _accelerations(parameters, state, force, sin, 1.0 - one_less_cos, sign_x_dot)
     return _euler(parameters, state, acceleration)
 
 

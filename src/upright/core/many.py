@@ -47,7 +47,7 @@ def step_part(
     others = 0
     for i in range(len(theta)):
         others += 1 if abs(theta[i]) > SMALL else 0
-    if others == 0 and integrator == Integrator.EULER:
+    if others == 0 and integrator == Integrator.EULER and parameters.static_friction == 0.0:
         _small_loop(parameters, states, forces, integrator)
     else:
         _any_loop(parameters, states, forces, integrator)

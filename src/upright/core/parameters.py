@@ -65,10 +65,18 @@ class Parameters(NamedTuple):
     """A trial ends when the cart is further than this from the centre of the track [m]."""
     angle_limit: float = math.radians(12)
     """A trial ends when the pole leans further than this [rad]."""
+    gravity_along: float = 0.0
+    """Gravity along the track, towards -x [m/s^2]: a track that rises by α to the right has g sin α
+    here, and g cos α as `gravity`."""
+    static_friction: float = 0.0
+    """Friction that holds a cart at rest [N]: a cart that stops stays until more than this pushes
+    it. 0 is the published model, in which friction never lets a cart rest."""
 
 
 LARGEST = 10**9
 """The largest value of any parameter; beyond it, sums overflow."""
+ZERO_ALLOWED = ("gravity", "cart_friction", "pole_friction", "gravity_along", "static_friction")
+"""Parameters that may be zero."""
 
 
 def check_parameters(parameters: Parameters) -> Parameters:
@@ -77,12 +85,17 @@ def check_parameters(parameters: Parameters) -> Parameters:
     Raises
     ------
     UprightError
-        If a value is not finite or beyond LARGEST, a friction is negative, or another quantity is
-        not positive.
+        If a value is not finite or beyond LARGEST, a friction is negative, another quantity is not
+        positive, or a cart at rest has less friction than a moving one.
     """
     for name, value in parameters._asdict().items():
-        zero_allowed = name in ("cart_friction", "pole_friction", "gravity")
-        require(name, value, 0, LARGEST, above=not zero_allowed)
+        low = -LARGEST if name == "gravity_along" else 0
+        require(name, value, low, LARGEST, above=name not in ZERO_ALLOWED)
+    if 0.0 < parameters.static_friction < parameters.cart_friction:
+        raise UprightError(
+            f"static_friction is {parameters.static_friction}; it must be 0, or at least the "
+            f"cart_friction of {parameters.cart_friction}"
+        )
     return Parameters(*map(float, parameters))
 
 

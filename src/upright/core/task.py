@@ -7,7 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from upright.core.conditions import CONDITIONS, NOISES, STARTS, STEPS, TRIALS, Noise
+from upright.core.conditions import (
+    STARTS,
+    STEPS,
+    TRIALS,
+    Condition,
+    Noise,
+    condition_of,
+    condition_text,
+    noise_of,
+    noise_text,
+)
 from upright.core.parameters import (
     Parameters,
     State,
@@ -21,6 +31,8 @@ from upright.support.short_repr import call
 if TYPE_CHECKING:
     import numpy as np
 
+    from upright.core.rig import Rig
+
 
 class Task(NamedTuple):
     """The numbers that define a run, in a form that compiled code accepts.
@@ -28,7 +40,7 @@ class Task(NamedTuple):
     Examples
     --------
     >>> task = upright.TaskSpec(noise="sensor-5", condition="delay-1").task()
-    >>> task.steps, task.delay, task.noise.angle
+    >>> task.steps, task.rig.delay, task.noise.angle
     (60000, 1, 0.05)
     """
 
@@ -42,8 +54,8 @@ class Task(NamedTuple):
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
     """A run is at most this many consecutive trials."""
-    delay: int = 0
-    """How many steps pass before a push acts; until the first one does, the cart is not pushed."""
+    rig: "Rig | None" = None
+    """What a condition puts between agent and plant, with memory of its own; None for nothing."""
 
 
 @dataclass(frozen=True)
@@ -59,16 +71,18 @@ class TaskSpec:
     Examples
     --------
     >>> spec = upright.TaskSpec(noise="gaussian-0.1", condition="delay-1", steps=600)
-    >>> spec.task().delay, spec.task().parameters.half_length
+    >>> spec.task().rig.delay, spec.task().parameters.half_length
     (1, 0.5)
+    >>> upright.TaskSpec(condition="encoder=1024,delay=2")
+    TaskSpec(condition='delay=2,encoder=1024')
     """
 
     noise: str = "none"
-    """Name of the noise case."""
+    """Name of the noise case, or terms (`core.conditions.NOISE_TERMS`), in canonical form."""
     start: str = "random"
     """Name of the start."""
     condition: str = "nominal"
-    """Name of the condition."""
+    """Name of the condition, or terms (`core.conditions.CONDITION_TERMS`), in canonical form."""
     steps: int = STEPS
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
@@ -78,23 +92,32 @@ class TaskSpec:
 
     def __post_init__(self) -> None:
         """Refuse unknown names and numbers out of range."""
-        require_one_of("noise", self.noise, NOISES)
+        object.__setattr__(self, "noise", noise_text(self.noise))
         require_one_of("start", self.start, STARTS)
-        require_one_of("condition", self.condition, CONDITIONS)
+        object.__setattr__(self, "condition", condition_text(self.condition))
         require("steps", self.steps, 1, 10**9, whole=True)
         require("trials", self.trials, 1, 10**6, whole=True)
         object.__setattr__(self, "parameters", _parameters(self.parameters))
+        _changed_by(condition_of(self.condition), self.parameters)
 
-    def task(self) -> Task:
-        """Return the task in numbers, with the nominal plant even if every run has its own."""
-        differs, parameters = CONDITIONS[self.condition], self.parameters
-        parameters = parameters._replace(
-            cart_friction=differs.friction * parameters.cart_friction,
-            pole_friction=differs.friction * parameters.pole_friction,
-        )
-        noise = NOISES[self.noise]._replace(hides_velocities=differs.hides_velocities)
-        start = STARTS[self.start]
-        return Task(parameters, noise, start, self.steps, self.trials, differs.delay)
+    def task(self, rng: "np.random.Generator | None" = None) -> Task:
+        """Return the task in numbers.
+
+        Parameters
+        ----------
+        rng
+            Random numbers to draw the plant with, where every run has its own; without them, the
+            plant is the nominal one.
+        """
+        from upright.core.rig import make_rig
+
+        condition, parameters = condition_of(self.condition), self.parameters
+        if rng is not None:
+            parameters = draw_run(condition, parameters, rng)
+        parameters = _changed_by(condition, parameters)
+        noise = noise_of(self.noise)._replace(hides_velocities=condition.hides_velocities)
+        rig = make_rig(condition, parameters)
+        return Task(parameters, noise, STARTS[self.start], self.steps, self.trials, rig)
 
     @property
     def time_step(self) -> float:
@@ -135,6 +158,45 @@ def _parameters(given: Any) -> Parameters:
     if isinstance(given, Mapping):
         return make_parameters(given)
     raise UprightError(f"parameters is {given!r}; it must be Parameters, or map names to numbers")
+
+
+def _changed_by(condition: Condition, parameters: Parameters) -> Parameters:
+    """Return the parameters of the plant under a condition.
+
+    Raises
+    ------
+    UprightError
+        If they are impossible.
+    """
+    parameters = parameters._replace(
+        cart_friction=condition.friction * parameters.cart_friction,
+        pole_friction=condition.friction * parameters.pole_friction,
+        static_friction=condition.stick_slip or condition.friction * parameters.static_friction,
+    )
+    if condition.tilt:
+        from upright.core.portable_math import sine_cosine
+
+        sin, cos = sine_cosine(condition.tilt)
+        g, along = parameters.gravity, parameters.gravity_along
+        parameters = parameters._replace(
+            gravity=g * cos - along * sin, gravity_along=g * sin + along * cos
+        )
+    return check_parameters(parameters)
+
+
+def draw_run(
+    condition: Condition, parameters: Parameters, rng: "np.random.Generator"
+) -> Parameters:
+    """Return the parameters of a run's own plant, drawn as its condition says."""
+    if condition.varies_plant:
+        parameters = draw_plant(parameters, rng)
+    if condition.each_run:
+        from upright.core.rig import draw_parameters, draw_rows, lanes_of
+
+        present = lanes_of(parameters)
+        draw_parameters(draw_rows(condition.each_run), present, 0, rng)
+        parameters = Parameters(*present[:, 0].tolist())
+    return parameters
 
 
 def draw_plant(parameters: Parameters, rng: "np.random.Generator") -> Parameters:

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import compiled
 from upright.core.contracts import Agent, Plant
-from upright.core.noise import disturb, draw_start, measure
+from upright.core.noise import draw_start
+from upright.core.rig import acting_force, begin_episode, first_measurement, measurement, strength
 from upright.core.task import Task
 from upright.support.short_repr import short_list
 
@@ -46,19 +47,6 @@ class Result(NamedTuple):
         return f"Result(run={self.run}, success={self.success}, {lengths=!s}, {seconds=!s})"
 
 
-NO_PUSHES = (0.0, 0.0)
-"""Pushes [N] still in transit when a trial starts; one slot per step of the longest delay."""
-
-
-@inlined
-def delay(
-    steps: int, waiting: tuple[float, float], push: float
-) -> tuple[tuple[float, float], float]:
-    """Return the pushes [N] in transit after a new one is added, and the one that acts now."""
-    acting = push if steps == 0 else waiting[0] if steps == 1 else waiting[1]
-    return (push, waiting[0]), acting
-
-
 def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> tuple[int, bool]:
     """Let an agent balance once, from a start to a fall or to the last step of a success.
 
@@ -69,7 +57,7 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     plant
         The plant to balance; it is reset first.
     task
-        Noise, start, limits and the length of a success.
+        Noise, rig, start, limits and the length of a success.
     rng
         The run's own random numbers.
 
@@ -78,19 +66,19 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     tuple
         How many steps the trial lasted, and whether it ended with a fall.
     """
-    waiting = NO_PUSHES
+    rig, noise = task.rig, task.noise
+    begin_episode(rig, rng)
     state = plant.reset(draw_start(task.start, rng))
-    observation = measure(task.noise, state, rng)
+    observation = first_measurement(rig, noise, state, rng)
     agent.begin_trial(rng)
     fallen = False
     steps = 0
     while steps < task.steps and not fallen:
         action = agent.act(observation, rng)
-        push = task.parameters.force if action else -task.parameters.force
-        waiting, push = delay(task.delay, waiting, push)
-        state = plant.step(disturb(task.noise, push, rng))
+        force = strength(rig, task.parameters.force)
+        state = plant.step(acting_force(rig, noise, force if action else -force, rng))
         fallen = plant.has_fallen(state)
-        before, observation = observation, measure(task.noise, state, rng)
+        before, observation = observation, measurement(rig, noise, state, rng)
         agent.learn(before, action, observation, fallen)
         steps += 1
     agent.end_trial(fallen)

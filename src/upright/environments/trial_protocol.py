@@ -217,13 +217,10 @@ def run_learner(
     Raises
     ------
     UprightError
-        If the task delays pushes.
+        If the task has a rig.
     """
-    if task.delay:
-        raise UprightError(
-            f"delay is {task.delay}; it must be 0, because the Gymnasium environments do not delay "
-            "pushes"
-        )
+    if task.rig is not None:
+        raise UprightError("the condition cannot be had in the Gymnasium environments")
     integrator = next(name for name, number in INTEGRATORS.items() if number == plant.integrator)
     env: gymnasium.Env[Any, Any] = CartPoleEnv(
         task.noise, task.start, task.parameters, integrator=integrator

@@ -7,8 +7,10 @@ import numpy as np
 
 from upright.core.cartpole import INTEGRATORS, has_fallen, step
 from upright.core.compiled import compiled, inlined
+from upright.core.conditions import condition_of
 from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
+from upright.core.rig import parameters_of
 from upright.core.task import Task
 from upright.errors import require_one_of
 from upright.plants.settings import RunContext
@@ -26,18 +28,12 @@ class Equations(NamedTuple):
     @compiled
     def reset(self, state: State) -> State:
         """Put the plant into `state`."""
-        for i in range(4):
-            self.memory[i] = state[i]
-        return state
+        return put(self.memory, state)
 
     @compiled
     def step(self, force: float) -> State:
         """Apply a force [N] for one time step and return the next state."""
-        memory = self.memory
-        state = State(memory[0], memory[1], memory[2], memory[3])
-        state = step(self.parameters, state, force, self.integrator)
-        memory[0], memory[1], memory[2], memory[3] = state
-        return state
+        return advance(self.parameters, self.memory, force, self.integrator)
 
     @inlined
     def has_fallen(self, state: State) -> bool:
@@ -46,6 +42,50 @@ class Equations(NamedTuple):
 
     def close(self) -> None:
         """Do nothing; the equations hold no resources."""
+
+
+class ChangingEquations(NamedTuple):
+    """The same for a plant whose parameters change in a run, at the cost of some speed."""
+
+    present: np.ndarray
+    """The present parameters, shape (parameters, 1), float64: those of the task's rig."""
+    integrator: int
+    """An `Integrator`, as a number."""
+    memory: np.ndarray
+    """The present state, shape (4,), float64."""
+
+    @compiled
+    def reset(self, state: State) -> State:
+        """Put the plant into `state`."""
+        return put(self.memory, state)
+
+    @compiled
+    def step(self, force: float) -> State:
+        """Apply a force [N] for one time step and return the next state."""
+        return advance(parameters_of(self.present, 0), self.memory, force, self.integrator)
+
+    @compiled
+    def has_fallen(self, state: State) -> bool:
+        """Whether the pole or the cart has left its limits."""
+        return has_fallen(parameters_of(self.present, 0), state)
+
+    def close(self) -> None:
+        """Do nothing; the equations hold no resources."""
+
+
+@compiled
+def put(memory: np.ndarray, state: State) -> State:
+    """Write a state to the memory of a plant, shape (4,), and return it."""
+    for i in range(4):
+        memory[i] = state[i]
+    return state
+
+
+@compiled
+def advance(parameters: Parameters, memory: np.ndarray, force: float, integrator: int) -> State:
+    """Apply a force [N] to the state in the memory of a plant for one time step; return the next."""
+    state = State(memory[0], memory[1], memory[2], memory[3])
+    return put(memory, step(parameters, state, force, integrator))
 
 
 def equations(parameters: Parameters | None = None, integrator: str = "euler") -> Equations:
@@ -92,6 +132,7 @@ class EquationsSettings:
 
     name: ClassVar[str] = "equations"
     alone: ClassVar[bool] = False
+    can_change: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Refuse unknown integrators."""
@@ -99,7 +140,11 @@ class EquationsSettings:
 
     def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Return the equations with the parameters of the task, and the task."""
-        return equations(context.task.parameters, self.integrator), context.task
+        task = context.task
+        plant = equations(task.parameters, self.integrator)
+        if task.rig is None or not condition_of(context.spec.condition).changes_plant:
+            return plant, task
+        return ChangingEquations(task.rig.present, plant.integrator, plant.memory), task
 
     def version(self) -> str:
         """Return an empty string: there is no simulator behind the equations."""

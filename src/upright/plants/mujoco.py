@@ -78,7 +78,7 @@ class Mujoco:
             raise UprightError(f"MuJoCo refuses these parameters of the plant: {why}") from None
         model.opt.timestep = parameters.time_step / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}")
-        model.opt.gravity = (0.0, 0.0, -parameters.gravity)
+        model.opt.gravity = (-parameters.gravity_along, 0.0, -parameters.gravity)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         data = mujoco.MjData(model)
         library = _library(Path(mujoco.__file__).parent)

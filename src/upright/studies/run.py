@@ -12,10 +12,9 @@ from upright.agents.checks.checked import check_returned_type, checked
 from upright.agents.checks.contract import is_learner
 from upright.agents.checks.faults import reporting
 from upright.core.compiled import explain, is_compiled
-from upright.core.conditions import CONDITIONS
 from upright.core.contracts import Plant
 from upright.core.loops import loop_for
-from upright.core.task import Task, draw_plant
+from upright.core.task import Task
 from upright.core.trials import Result
 from upright.errors import AgentError, require_kind, require_module, require_one_of
 from upright.plants import PLANTS
@@ -30,11 +29,7 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
 
     All agents meet the same plant in the run with this number.
     """
-    task = case.spec.task()
-    if CONDITIONS[case.spec.condition].varies_plant:
-        rng = np.random.default_rng(sequence(seed, run, Stream.PARAMETERS))
-        task = task._replace(parameters=draw_plant(task.parameters, rng))
-    return task
+    return case.spec.task(np.random.default_rng(sequence(seed, run, Stream.PARAMETERS)))
 
 
 def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:

@@ -45,7 +45,7 @@ def write_world(
     """
     _write_model(folder / "models" / "cartpole", parameters)
     tree = ElementTree.parse(sources() / "cartpole.world")
-    _find(tree, "world/gravity").text = f"0 0 {-parameters.gravity}"
+    _find(tree, "world/gravity").text = f"{0.0 - parameters.gravity_along} 0 {-parameters.gravity}"
     _find(tree, "world/physics").set("type", engine)
     _find(tree, "world/physics/max_step_size").text = f"{physics_step}"
     _find(tree, "world/plugin").attrib |= system
