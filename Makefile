@@ -64,6 +64,7 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/ros2.py --output docs/ros2.md
 	$(BIN)/python benchmarks/gazebo.py --output docs/gazebo.md
 	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
+	$(BIN)/python benchmarks/disturbances.py --output docs/disturbances.md
 
 release: .venv/developed
 	$(BIN)/python tools/release.py

@@ -251,3 +251,65 @@ def write_results(path: Path, key: str, first: int, last: int, barrier: Any) -> 
     with Store(path) as store:
         for run in range(first, last):
             store.add(key, 1, Result(run, True, np.array([run, run + 1]), 0.5))
+
+
+SIZES: dict[str, tuple[str, ...]] = {
+    "varied-plant": ("",),
+    "friction": ("100", "0.5"),
+    "stick-slip": ("0.3",),
+    "tilt": ("2", "-1.5"),
+    "delay": ("1", "3"),
+    "left-force": ("5", "12.5"),
+    "lag": ("0.03",),
+    "dead-zone": ("1.5",),
+    "saturation": ("8",),
+    "wind": ("0.7", "-1"),
+    "gust": ("4",),
+    "angle-bias": ("0.3",),
+    "position-bias": ("-0.1",),
+    "encoder": ("1024", "360"),
+    "no-velocities": ("",),
+    "velocity-differences": ("",),
+    "measurement-delay": ("1", "2"),
+    "dropped": ("0.1",),
+    "at-STEP.PARAMETER": ("at-20.half_length=0.8", "at-30.force=-7"),
+    "each-run.PARAMETER": ("each-run.force=8:12",),
+    "each-episode.PARAMETER": (
+        "each-episode.gravity=8:11",
+        "each-episode.pole_friction=1e-6:1e-4:log",
+    ),
+}
+"""Some sizes of every term of a condition; whole terms where the name has places to fill."""
+OF_A_RUN = ("varied-plant", "each-run.PARAMETER")
+"""Terms that are about runs, which environments do not have."""
+
+
+def task_texts(without: tuple[str, ...] = ()) -> Any:
+    """Return a Hypothesis strategy for a noise and a condition, of random terms."""
+    from hypothesis import strategies as st
+
+    def text(name: str, size: str) -> str:
+        return size if "." in name else f"{name}={size}" if size else name
+
+    sizes = {
+        "actuator": ("0.1",),
+        "sensor": ("0.1",),
+        "others": ("0.07",),
+        "gaussian": ("0.1", "0.4"),
+    }
+
+    def some(terms: dict[str, tuple[str, ...]], most: int) -> Any:
+        one = [
+            st.sampled_from(values).map(lambda size, n=name: text(n, size))
+            for name, values in terms.items()
+        ]
+        chosen = st.lists(st.sampled_from(range(len(one))), unique=True, max_size=most)
+        return chosen.flatmap(lambda numbers: st.tuples(*(one[k] for k in numbers)))
+
+    conditions = {name: values for name, values in SIZES.items() if name not in without}
+    return st.tuples(
+        some(sizes, 2).map(lambda parts: ",".join(parts) or "none"),
+        some(conditions, 6)
+        .filter(lambda parts: not {"no-velocities", "velocity-differences"} <= set(parts))
+        .map(lambda parts: ",".join(parts) or "nominal"),
+    )

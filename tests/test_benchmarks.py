@@ -68,3 +68,9 @@ def test_what_was_learned_on_each_plant_plays_on_every_other():
     ):
         assert text in found
     assert "| adaptive-lqr | Gazebo | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in found
+
+
+def test_the_cost_of_every_kind_of_disturbance_is_measured():
+    found = measured("disturbances.py", "--steps", "2000", "--repetitions", "1")
+    assert "\n| `nominal` | " in found
+    assert "\n| `delay=1,lag=0.02,gust=1,encoder=4096,dropped=0.01` | " in found

@@ -3,7 +3,8 @@ import re
 import pytest
 from helpers import ROOT, recorded_rows
 
-from upright.core.conditions import PUBLISHED_NOISES
+from upright.commands.terms import markdown
+from upright.core.conditions import CONDITION_TERMS, NOISE_TERMS, PUBLISHED_NOISES
 from upright.reports.reproduction import report
 from upright.reports.tables import mean_text
 
@@ -115,3 +116,9 @@ def test_the_gazebo_page_quotes_its_recorded_study():
     assert len(rows) == 3 * 2
     for row in rows:
         assert f"| {' | '.join(row)} |" in page
+
+
+def test_every_term_is_listed():
+    page = (ROOT / "docs/disturbances.md").read_text()
+    for terms in (NOISE_TERMS, CONDITION_TERMS):
+        assert markdown(terms) in page

@@ -348,3 +348,64 @@ def test_an_unknown_integrator_is_refused_by_name(value):
 def test_zero_gravity_and_friction_are_allowed(name):
     parameters = PARAMETERS._replace(**{name: 0.0})
     assert check_parameters(parameters) == parameters
+
+
+# ------------------------------------------------------------------------------ static friction
+
+STICKY = Parameters(cart_friction=2.0, static_friction=2.0)
+
+
+def roll(p, state, force, steps, integrator=EULER):
+    """Return the states of this many steps under a force."""
+    states = [state]
+    for _ in range(steps):
+        states.append(step(p, states[-1], force, integrator))
+    return states
+
+
+@pytest.mark.parametrize("integrator", [EULER, SEMI_IMPLICIT, RK4])
+def test_with_static_friction_a_free_cart_comes_to_rest(integrator):
+    """Without it, in the published model, the cart chatters for ever."""
+    hanging = State(0.0, 0.5, math.pi, 0.0)
+    *_, last = roll(STICKY._replace(pole_friction=0.01), hanging, 0.0, 6000, integrator)
+    assert last.x_dot == 0.0
+    chattering = STICKY._replace(pole_friction=0.01, static_friction=0.0)
+    speeds = [abs(s.x_dot) for s in roll(chattering, hanging, 0.0, 6000, integrator)[-100:]]
+    assert max(speeds) > 0.005
+
+
+def test_static_friction_holds_what_it_can_and_no_more():
+    p = Parameters(cart_friction=1.0, static_friction=3.0, gravity=0.0)
+    rest = State(0.0, 0.0, 0.0, 0.0)
+    assert step(p, rest, 2.9).x_dot == step(p, rest, -2.9).x_dot == 0.0
+    for force in (3.1, -3.1):
+        slipping = accelerations(p, rest, force)
+        free = accelerations(p._replace(static_friction=0.0), rest, force - math.copysign(1, force))
+        assert slipping == pytest.approx(free, rel=1e-14)
+
+
+def test_a_held_cart_lets_its_pole_swing():
+    """The pole is then a pendulum with a fixed hinge: (4/3) l θ̈ = g sin θ."""
+    p = Parameters(cart_friction=50.0, static_friction=50.0, pole_friction=0.0)
+    leaning = State(0.0, 0.0, 0.3, 0.2)
+    assert accelerations(p, leaning, 10.0) == pytest.approx(
+        (0.0, p.gravity * math.sin(0.3) / (4 / 3 * p.half_length)), rel=1e-14
+    )
+
+
+def test_a_track_that_tilts_moves_a_cart_only_beyond_its_friction():
+    p = Parameters(cart_friction=1.0, static_friction=1.0, gravity_along=0.5)
+    hanging = State(0.0, 0.0, math.pi, 0.0)
+    assert step(p, hanging, 0.0).x_dot == 0.0
+    assert step(p._replace(gravity_along=1.5), hanging, 0.0).x_dot < 0.0
+
+
+@given(states, forces, integrators)
+def test_static_friction_never_adds_energy(state, force, integrator):
+    """A cart that turns round either goes on as without static friction, or is at rest."""
+    p = Parameters(cart_friction=1.0, static_friction=4.0)
+    moved, free = (
+        step(each, state, force, integrator) for each in (p, p._replace(static_friction=0.0))
+    )
+    if state.x_dot and integrator != RK4:
+        assert moved in (free, free._replace(x_dot=0.0))

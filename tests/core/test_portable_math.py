@@ -9,6 +9,7 @@ from upright.core.compiled import compiled
 from upright.core.portable_math import (
     SMALL,
     cosine_of_turns,
+    exponential,
     logarithm,
     sine_cosine,
     small_sine_cosine,
@@ -88,3 +89,12 @@ def test_compiled_and_plain_results_have_the_same_bits():
     for u in np.random.default_rng(1).random(1000).tolist():
         assert compiled_logarithm(1.0 - u) == logarithm(1.0 - u)
         assert compiled_cosine_of_turns(u) == cosine_of_turns(u)
+
+
+@given(number(-700, 700))
+def test_exponential_agrees_with_the_library(x):
+    assert exponential(x) == pytest.approx(math.exp(x), rel=1e-15, abs=0)
+
+
+def test_exponential_of_zero_is_exact():
+    assert exponential(0.0) == exponential(-0.0) == 1.0

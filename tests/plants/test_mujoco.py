@@ -337,3 +337,33 @@ print(lengths.tolist(), sum(loop.cache_hits.values()), sum(loop.cache_misses.val
     assert first.returncode == second.returncode == 0, first.stderr + second.stderr
     assert first.stdout.endswith("] 0 1\n")
     assert second.stdout == first.stdout.replace("] 0 1", "] 1 0")
+
+
+def test_a_cart_with_static_friction_comes_to_rest_as_in_mujoco():
+    """MuJoCo's friction always lets a cart rest; it creeps by no more than its own smoothing."""
+    parameters = Parameters(cart_friction=2.0, static_friction=2.0, pole_friction=0.01)
+    ours, theirs = equations(parameters, "rk4"), Mujoco(physics_step=0.001).plant(parameters)
+    hanging = State(0.0, 1.0, math.pi, 0.0)
+    for plant in (ours, theirs):
+        plant.reset(hanging)
+    pairs = [(ours.step(0.0), theirs.step(0.0)) for _ in range(150)]
+    assert all(abs(a.x - b.x) < 0.01 for a, b in pairs)
+    assert pairs[-1][0].x_dot == 0.0
+    assert abs(pairs[-1][1].x_dot) < 0.01
+    held = [(ours.step(1.0), theirs.step(1.0)) for _ in range(50)]
+    assert held[-1][0].x == held[0][0].x
+    assert abs(held[-1][1].x - held[0][1].x) < 0.01
+
+
+def test_a_simulated_cart_sticks_only_at_its_friction():
+    with pytest.raises(
+        UprightError, match=r"static_friction is 3\.0; in MuJoCo it must be 0 or 2\.0"
+    ):
+        Mujoco().plant(Parameters(cart_friction=2.0, static_friction=3.0))
+
+
+@pytest.mark.parametrize("pushes", PUSHES)
+def test_a_tilted_track_is_the_same_in_mujoco(pushes):
+    angle = math.radians(5)
+    tilted = SMOOTH._replace(gravity=9.8 * math.cos(angle), gravity_along=9.8 * math.sin(angle))
+    assert error(Mujoco(0.002).plant(tilted), tilted, pushes) < 1e-8

@@ -32,6 +32,7 @@ COMMANDS: Registry[Any] = Registry(
         "export": "upright.commands.export",
         "agents": "upright.commands.agents",
         "plants": "upright.commands.plants",
+        "terms": "upright.commands.terms",
         "tune": "upright.commands.tune",
         "matlab": "upright.commands.matlab",
         "ros2": "upright.commands.ros2",

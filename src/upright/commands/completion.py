@@ -10,7 +10,8 @@ from typing import Any
 from upright.agents import AGENTS
 from upright.commands import make_parser
 from upright.commands.parser import Parser
-from upright.core.conditions import NOISES
+from upright.core.conditions import CONDITION_TERMS, CONDITIONS, NOISE_TERMS, NOISES
+from upright.core.terms import written
 
 SHELLS = ("bash", "zsh", "fish")
 """Shells that have a script."""
@@ -29,7 +30,12 @@ FREE = (
 """Metavariables of values that nothing completes."""
 FILES = ("FILE", "POLICY", "PICTURE", "OUTPUT")
 """Metavariables of files."""
-LISTS: dict[str, Collection[str]] = {"AGENTS": AGENTS, "CASES": ("all", *NOISES)}
+LISTS: dict[str, Collection[str]] = {
+    "AGENTS": AGENTS,
+    "CASES": ("all", *NOISES),
+    "NOISE": (*NOISES, *written(NOISE_TERMS)),
+    "CONDITION": (*CONDITIONS, *written(CONDITION_TERMS)),
+}
 """Metavariables of names with commas between, and the names."""
 
 BASH_LIST = """

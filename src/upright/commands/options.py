@@ -63,14 +63,24 @@ UNITS = ", ".join(
 """The parameters of a plant with their units."""
 
 TASK: dict[str, dict[str, Any]] = {
-    "--noise": _one_of(NOISES, "none", "noise case"),
+    "--noise": {
+        "default": "none",
+        "metavar": "NOISE",
+        "help": f"noise case: {', '.join(NOISES)}; or terms with sizes, such as "
+        "actuator=0.1,gaussian=0.5 (see upright terms) (default: %(default)s)",
+    },
     "--start": _one_of(
         STARTS,
         "random",
         "where trials start, random being within ±0.05 of upright in each measurement and wide "
         "up to 6° in the angle",
     ),
-    "--condition": _one_of(CONDITIONS, "nominal", "what else differs from the published task"),
+    "--condition": {
+        "default": "nominal",
+        "metavar": "CONDITION",
+        "help": f"what else differs from the published task: {', '.join(CONDITIONS)}; or terms, "
+        "such as delay=1,encoder=1024 (see upright terms) (default: %(default)s)",
+    },
     "--steps": whole(STEPS, "a trial that lasts this many steps of 0.02 s is a success"),
     "--trials": whole(TRIALS, "a run ends after at most this many trials"),
     "--parameter": {
@@ -96,8 +106,8 @@ SHARED: dict[str, dict[str, Any]] = {
     "--noises": {
         "default": "all",
         "metavar": "CASES",
-        "help": f"noise cases, separated by commas: {', '.join(NOISES)}; or all, the seven "
-        "published ones (default: %(default)s)",
+        "help": f"noise cases, separated by commas: {', '.join(NOISES)}; or terms, joined by +; or "
+        "all, the seven published cases (default: %(default)s)",
     },
     "--settings": _one_of(LABELS, "default", "the agent's named settings, default being tuned"),
     "--set": {

@@ -48,13 +48,21 @@ class Noise(NamedTuple):
     """Whether the velocities are not measured: the agent reads 0 in their place."""
 
 
+SI_WANG = "Si & Wang 2001"
 NOISE_TERMS = {
-    "actuator": Term("the acting force is F (1 + u), u uniform in ± this part", FRACTION),
-    "sensor": Term("the measured angle is θ (1 + u), u uniform in ± this part", FRACTION),
+    "actuator": Term(
+        "the acting force is F (1 + u), u uniform in ± this part", FRACTION, source=SI_WANG
+    ),
+    "sensor": Term(
+        "the measured angle is θ (1 + u), u uniform in ± this part", FRACTION, source=SI_WANG
+    ),
     "others": Term("the same for x, ẋ and θ̇, each with its own u", FRACTION),
     "all": Term("sensor and others together", FRACTION),
     "gaussian": Term(
-        "the measured angle is θ + n, n normal with this variance", "degrees²", high=1e4
+        "the measured angle is θ + n, n normal with this variance",
+        "degrees²",
+        high=1e4,
+        source=SI_WANG,
     ),
 }
 """Every term of --noise, in canonical order."""
@@ -232,14 +240,19 @@ class Condition(NamedTuple):
     @property
     def changes_plant(self) -> bool:
         """Whether the plant changes within a run, other than by the force of a push."""
-        names = [each.parameter for each in (*self.changes, *self.each_episode)]
-        return any(name != "force" for name in names)
+        names = {each.parameter for each in self.changes}
+        names |= {each.parameter for each in self.each_episode}
+        return bool(names - {"force"})
 
 
 CONDITION_TERMS = {
     "varied-plant": Term("every run has its own plant: pole 0.25 to 2 m, masses half to twice", ""),
     "friction": Term("factor on both frictions", "times"),
-    "stick-slip": Term("a cart at rest stays until more than this pushes it", "N"),
+    "stick-slip": Term(
+        "a cart at rest stays until more than this pushes it",
+        "N",
+        source="Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
+    ),
     "tilt": Term("the track rises to the right by this angle", "degrees", -89.0, 89.0),
     "delay": Term("a push acts this many steps later", "steps", 0, 1000, whole=True),
     "left-force": Term("a push to the left has this force", "N"),
@@ -271,7 +284,11 @@ CONDITION_TERMS = {
         -LARGEST,
     ),
     "each-run.PARAMETER": Term("PARAMETER is drawn for each run, uniform or log-uniform", RANGE),
-    "each-episode.PARAMETER": Term("PARAMETER is drawn for each trial or episode", RANGE),
+    "each-episode.PARAMETER": Term(
+        "PARAMETER is drawn for each trial or episode",
+        RANGE,
+        source="Tobin et al. 2017, domain randomization",
+    ),
 }
 """Every term of --condition, in canonical order."""
 _NAMED_CONDITIONS = {
@@ -336,7 +353,7 @@ def _condition_sizes(text: str) -> dict[str, Size]:
     return parse_terms("condition", text, CONDITION_TERMS, _NAMED_CONDITIONS)
 
 
-def _condition(sizes: Mapping[str, Size]) -> Condition:
+def _condition(sizes: Mapping[str, Any]) -> Condition:
     """Return the condition that has these terms."""
     values: dict[str, Any] = {}
     drawn: dict[str, list[Draw]] = {"each-run": [], "each-episode": []}

@@ -21,7 +21,7 @@ from upright.core.portable_math import exponential, logarithm
 STEPS, FORCE, GUST, GUST_STEPS, SEEN, X, THETA, RINGS = 0, 1, 2, 3, 4, 8, 9, 10
 """Rows of a rig's memory: steps made, force of the motor [N], force of the gust [N] and its
 remaining steps, last measurement (four rows), position and angle measured before it; then the
-pushes [N] in transit, a row for each step of the delay, and the measurements, four rows for each."""
+pushes [N] in transit, a row for each step of the delay, and the measurements, four rows each."""
 PARAMETER = {name: number for number, name in enumerate(Parameters._fields)}
 """Numbers of the parameters."""
 FORCE_PARAMETER = PARAMETER["force"]
@@ -207,7 +207,7 @@ def strength(rig: Rig | None, force: float, i: int = 0) -> float:
 def acting_force(
     rig: Rig | None, noise: Noise, push: float, rng: np.random.Generator, i: int = 0
 ) -> float:
-    """Return the force [N] that acts on the cart in a step in which the agent pushes with `push`."""
+    """Return the force [N] that acts on the cart when the agent pushes with the force `push`."""
     if rig is None:
         return disturb(noise, push, rng)
     return _acting_force(rig, noise, push, rng, i)

@@ -12,6 +12,11 @@ from typing import NamedTuple
 from upright.core.parameters import LARGEST, ZERO_ALLOWED
 from upright.errors import UprightError, require, require_one_of
 
+FRACTION = "fraction"
+"""Unit of sizes that may also be given in percent: 0.1 or 10%."""
+RANGE = "LOW:HIGH[:log]"
+"""In place of a unit: the size is a `Range`."""
+
 
 class Term(NamedTuple):
     """What a term means, and which sizes it may have."""
@@ -43,10 +48,6 @@ class Range(NamedTuple):
 
 Size = float | int | bool | Range
 """Size of a term; True for a term without a size."""
-FRACTION = "fraction"
-"""Unit of sizes that may also be given in percent: 0.1 or 10%."""
-RANGE = "LOW:HIGH or LOW:HIGH:log"
-"""In place of a unit: the size is a `Range`."""
 VARIABLE = (
     "gravity",
     "cart_mass",
@@ -126,8 +127,7 @@ def _sizes(
         return parse_terms(kind, names[part], terms, {}) if names[part] else {}
     name, sign, size = (word.strip() for word in part.partition("="))
     if (form := form_of(name, terms)) is None:
-        written = [each + "=…" if term.unit else each for each, term in terms.items()]
-        require_one_of(kind, name, [*names, *(each for each in written if each not in names)])
+        require_one_of(kind, name, dict.fromkeys([*names, *written(terms)]))
     assert form is not None
     term, places = terms[form], _places(form, name)
     if "parameter" in places:
@@ -142,6 +142,11 @@ def _sizes(
     if term.unit == RANGE:
         return {name: _range(label, size)}
     return {name: _size(label, size, term) if term.unit else True}
+
+
+def written(terms: Mapping[str, Term]) -> list[str]:
+    """Return the names of terms, those that need a size with an equals sign."""
+    return [f"{name}=" if term.unit else name for name, term in terms.items()]
 
 
 def form_of(name: str, terms: Mapping[str, Term]) -> str | None:

@@ -30,7 +30,7 @@ class SimulatorSettings:
     gui: bool = False
     """Whether to open the plant's own window (gazebo only)."""
     noise: str = "none"
-    """Noise case, which disturbs forces and measurements."""
+    """Noise case or terms (see upright terms), which disturb forces and measurements."""
     start: str = "random"
     """Where trials start: random, zero or wide."""
     start_state: tuple[float, ...] = DRAWN

@@ -83,7 +83,7 @@ def put(memory: np.ndarray, state: State) -> State:
 
 @compiled
 def advance(parameters: Parameters, memory: np.ndarray, force: float, integrator: int) -> State:
-    """Apply a force [N] to the state in the memory of a plant for one time step; return the next."""
+    """Advance the state in the memory of a plant by a time step, and return it."""
     state = State(memory[0], memory[1], memory[2], memory[3])
     return put(memory, step(parameters, state, force, integrator))
 

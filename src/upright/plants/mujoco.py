@@ -27,7 +27,7 @@ from upright.core.contracts import Plant
 from upright.core.parameters import Parameters, State, check_parameters
 from upright.core.task import Task
 from upright.errors import UprightError, require, require_module, require_one_of
-from upright.plants.settings import RunContext, count_steps
+from upright.plants.settings import RunContext, count_steps, refuse_breakaway
 from upright.plants.urdf import text
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
@@ -70,6 +70,7 @@ class Mujoco:
         """
         mujoco = _mujoco()
         parameters = check_parameters(parameters or Parameters())
+        refuse_breakaway(parameters, "MuJoCo")
         substeps = count_steps(self.physics_step, parameters.time_step)
         try:
             model = mujoco.MjModel.from_xml_string(text(parameters))

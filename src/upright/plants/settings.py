@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from upright.core.contracts import Plant
+    from upright.core.parameters import Parameters
     from upright.core.task import Task, TaskSpec
 
 
@@ -65,3 +66,15 @@ def count_steps(physics_step: float, time_step: float) -> int:
             f"divided by a whole number, such as {allowed}"
         )
     return steps
+
+
+def refuse_breakaway(parameters: "Parameters", simulator: str) -> None:
+    """Raise UprightError if a cart at rest has more friction than a moving one.
+
+    A simulator has one friction, which always lets a cart rest.
+    """
+    if parameters.static_friction not in (0.0, parameters.cart_friction):
+        raise UprightError(
+            f"static_friction is {parameters.static_friction}; in {simulator} it must be 0 or "
+            f"{parameters.cart_friction}, the cart_friction: there is no other friction at rest"
+        )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from upright.core.conditions import NOISES, TRIALS
+from upright.core.conditions import NOISES, TRIALS, noise_of
 from upright.core.parameters import changed_parameters
 from upright.core.task import TaskSpec
 from upright.plants import PLANTS
@@ -35,14 +35,14 @@ def agent_name(agent: str) -> str:
 
 
 def noise_name(noise: str) -> str:
-    """Return the name of a noise case in words, from its size in NOISES.
+    """Return the name of a noise in words.
 
     Examples
     --------
     >>> noise_name("none"), noise_name("sensor-5"), noise_name("gaussian-0.2")
     ('without noise', '5 % sensor noise', 'Gaussian sensor noise of 0.2 deg²')
     """
-    size = NOISES[noise]
+    size = noise_of(noise)
     parts = [f"{100 * size.actuator:g} % actuator noise"] if size.actuator else []
     if size.angle and size.angle == size.others:
         parts.append(f"{100 * size.angle:g} % noise on all measurements")
@@ -52,6 +52,12 @@ def noise_name(noise: str) -> str:
     if size.angle_offset:
         parts.append(f"Gaussian sensor noise of {math.degrees(size.angle_offset) ** 2:.3g} deg²")
     return " and ".join(parts) or "without noise"
+
+
+def noise_rank(noise: str) -> tuple[int, str]:
+    """Return where a noise stands in tables and pictures: named cases first, as they are listed."""
+    names = list(NOISES)
+    return (names.index(noise), "") if noise in names else (len(names), noise)
 
 
 def task_name(task: TaskSpec) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 
 from upright import __version__
 from upright.agents import AGENTS
-from upright.core.conditions import NOISES
 from upright.core.task import TaskSpec
 from upright.core.trials import Result
 from upright.errors import require_all, require_kind
 from upright.plants import PLANTS
+from upright.reports.names import noise_rank
 from upright.reports.published import figures
 from upright.studies.case import Case, named
 from upright.studies.intervals import bootstrap_interval, wilson_interval
@@ -210,7 +210,6 @@ def in_order(rows: Iterable[Row]) -> list[Row]:
     """
     rows = list(rows)
     agents = list(dict.fromkeys([*AGENTS, *(row.agent for row in rows)]))
-    noises = list(NOISES)
     return sorted(
         rows,
         key=lambda row: (
@@ -221,6 +220,6 @@ def in_order(rows: Iterable[Row]) -> list[Row]:
             str(row.task.as_data() | {"noise": ""}),
             str(row.plant_settings),
             row.seed,
-            noises.index(row.task.noise),
+            noise_rank(row.task.noise),
         ),
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from upright.agents import AGENTS, Settings, is_custom
 from upright.agents.custom import name_of
+from upright.core.conditions import NOISES, condition_of
 from upright.core.contracts import AnyAgent
 from upright.core.task import TaskSpec
 from upright.errors import UprightError, require_one_of
@@ -65,11 +66,18 @@ class Case:
         if self.language == "MATLAB":
             require_one_of("agent of the MATLAB twin", self.agent, matlab_twin.AGENTS)
             require_one_of("plant of the MATLAB twin", self.plant.name, ["equations"])
+            require_one_of("noise of the MATLAB twin", self.spec.noise, NOISES)
             require_one_of("condition of the MATLAB twin", self.spec.condition, ["nominal"])
             if self.plant != EQUATIONS or self.spec.parameters != TaskSpec().parameters:
                 raise UprightError(
                     "the MATLAB twin has only the published parameters and integrator"
                 )
+        condition = condition_of(self.spec.condition)
+        if condition.changes_plant and not getattr(self.plant, "can_change", False):
+            raise UprightError(
+                f"condition is {self.spec.condition!r}; within a run, plant {self.plant.name!r} "
+                "cannot change, except for the force of a push"
+            )
 
     def __repr__(self) -> str:
         """Return it as `make_case` takes it, with all that differs from the usual values."""

@@ -6,12 +6,12 @@ from typing import Any
 
 from upright.commands.options import LABELS, add
 from upright.commands.parser import Parser, as_number, as_whole
-from upright.core.conditions import NOISES, STARTS
+from upright.core.conditions import STARTS
 from upright.errors import UprightError
 from upright.nodes.settings import SIMULATED
 from upright.support.settings import describe_settings
 
-NAMES: dict[str, Any] = {"plant": SIMULATED, "noise": NOISES, "start": STARTS, "settings": LABELS}
+NAMES: dict[str, Any] = {"plant": SIMULATED, "start": STARTS, "settings": LABELS}
 """What is allowed where a setting is one of several names."""
 REPEATED = {
     "plant_set": (

@@ -19,7 +19,7 @@ from upright.core.task import Task
 from upright.errors import Stopped, UprightError, require, require_one_of
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.server import RESET, STEP, Server, ServerGoneError
-from upright.plants.settings import RunContext, count_steps
+from upright.plants.settings import RunContext, count_steps, refuse_breakaway
 
 ENGINES = ("dart", "ode")
 """Those of Gazebo's physics engines that were compared with the equations."""
@@ -66,6 +66,7 @@ class Gazebo:
             physics step.
         """
         parameters = check_parameters(context.task.parameters)
+        refuse_breakaway(parameters, "Gazebo")
         return GazeboCart(self, parameters, context.stop), context.task
 
     def version(self) -> str:

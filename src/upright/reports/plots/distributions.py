@@ -9,10 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from upright.core.conditions import NOISES
 from upright.core.trials import Result
 from upright.plants.equations import EQUATIONS
-from upright.reports.names import agent_name, case_names, noise_name, shared_task_name, task_name
+from upright.reports.names import (
+    agent_name,
+    case_names,
+    noise_name,
+    noise_rank,
+    shared_task_name,
+    task_name,
+)
 from upright.reports.plots.style import (
     AGENT_COLOURS,
     MUTED,
@@ -50,8 +56,7 @@ def plot_trials(learned: Learned) -> Figure:
     where the task is the published one.
     """
     cases = [case for case, _ in learned]
-    order = list(NOISES)
-    tasks = sorted(dict.fromkeys(case.spec for case in cases), key=lambda t: order.index(t.noise))
+    tasks = sorted(dict.fromkeys(case.spec for case in cases), key=lambda t: noise_rank(t.noise))
     figure, grid, empty = panels(len(tasks), 2.1, "trials", "runs that have succeeded")
     shared = shared_task_name(tasks)
     last = max(_last_trial(case, results) for case, results in learned)
