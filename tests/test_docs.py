@@ -7,6 +7,8 @@ from upright.commands.terms import markdown
 from upright.core.conditions import CONDITION_TERMS, NOISE_TERMS, PUBLISHED_NOISES
 from upright.reports.reproduction import report
 from upright.reports.tables import mean_text
+from upright.studies.columns import IDENTITY, KINDS, ORIGIN, RESULT, TRIAL
+from upright.studies.store import SCHEMA
 
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")]
 
@@ -122,3 +124,26 @@ def test_every_term_is_listed():
     page = (ROOT / "docs/disturbances.md").read_text()
     for terms in (NOISE_TERMS, CONDITION_TERMS):
         assert markdown(terms) in page
+
+
+@pytest.mark.parametrize(
+    "columns", [IDENTITY, RESULT | ORIGIN, TRIAL], ids=["run", "result", "trial"]
+)
+def test_the_page_on_data_describes_every_column(columns):
+    """Those of the plant's parameters as well: a new one needs its line there."""
+    lines = [f"| `{name}` | {column.kind} | {column.text} |" for name, column in columns.items()]
+    table = "\n".join(["| column | kind | meaning |", "|---|---|---|", *lines, ""])
+    assert f"\n{table}\n" in (ROOT / "docs/data.md").read_text()
+
+
+def test_the_page_on_data_has_every_kind_and_the_tables_of_a_store():
+    page = (ROOT / "docs/data.md").read_text()
+    for kind, data_type in KINDS.items():
+        assert re.search(rf"^\| {kind} \| {re.escape(data_type)}(,| \|)", page, re.MULTILINE), kind
+    assert f"```sql{SCHEMA}```" in page
+
+
+def test_the_page_on_data_tests_two_agents_in_ten_lines():
+    page = (ROOT / "docs/data.md").read_text()
+    (block,) = re.findall(r"^Ten lines .*\n\n```python\n((?:.*\n)*?)```", page, re.MULTILINE)
+    assert len(block.splitlines()) == 10

@@ -37,6 +37,7 @@ COMMANDS_NOT_RUN = {
     "--video": "takes half a minute, and has tests of its own",
     "--window": "needs a display",
     "my_learners:PPO --noise": "needs Stable-Baselines3",
+    "--format parquet": "needs PyArrow, and has tests of its own",
 }
 """Command lines that are only parsed: words that stand in them, and why."""
 
@@ -149,10 +150,18 @@ def python_blocks(page):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", list(filter(python_blocks, PAGES)), ids=lambda page: page.name)
 def test_python_runs(page, folder, capsys, monkeypatch):
-    """The blocks of a page run one after the other, as a reader would enter them."""
+    """The blocks of a page run one after the other, as a reader would enter them.
+
+    A block of output shows what the one before it prints.
+    """
     main = ModuleType("__main__")
     monkeypatch.setitem(sys.modules, "__main__", main)
-    for block in python_blocks(page):
+    for block in blocks(page):
+        if block.language == "output":
+            assert capsys.readouterr().out == block.text, block.place
+        if block.language != "python":
+            continue
+        capsys.readouterr()
         code = compile("\n" * (block.line - 1) + block.text, page, "exec")
         if not any(words in block.text for words in PYTHON_NOT_RUN):
             exec(code, vars(main))

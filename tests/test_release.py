@@ -11,6 +11,7 @@ spec = importlib.util.spec_from_file_location("release", ROOT / "tools/release.p
 release = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(release)
 
+CITATION = 'cff-version: 1.2.0\nversion: "1.2.3"\ndate-released: "2024-05-06"\n'
 CHANGES = """# Changelog
 
 ## [Unreleased]
@@ -39,6 +40,7 @@ def house(tmp_path):
         "src/upright/__init__.py": '"""A package."""\n\n__version__ = "1.2.3"\n',
         "ros2/package.xml": "<package><version>1.2.3</version></package>\n",
         "CHANGELOG.md": CHANGES,
+        "CITATION.cff": CITATION,
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -93,6 +95,12 @@ def test_a_version_of_which_nothing_is_said_is_refused(house):
 def test_places_that_do_not_agree_are_refused(house):
     change(house, "ros2/package.xml", "1.2.3", "1.2.2")
     assert release.obstacles(house) == ["ros2/package.xml has version 1.2.2; it must be 1.2.3"]
+
+
+@pytest.mark.parametrize("line", CITATION.splitlines()[1:])
+def test_a_citation_of_another_version_or_day_is_refused(house, line):
+    change(house, "CITATION.cff", line, line.replace("3", "2").replace("6", "7"))
+    assert release.obstacles(house) == [f"CITATION.cff has no line '{line}'"]
 
 
 def test_what_is_refused_is_not_built(house, capsys):

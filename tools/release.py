@@ -42,12 +42,17 @@ def disagreements(root: Path) -> list[str]:
     if ros != version:
         found.append(f"ros2/package.xml has version {ros}; it must be {version}")
     changes = (root / "CHANGELOG.md").read_text(encoding="utf-8")
-    head = rf"^## \[{re.escape(version)}\] - \d{{4}}-\d\d-\d\d$"
+    head = rf"^## \[{re.escape(version)}\] - (\d{{4}}-\d\d-\d\d)$"
     section = re.search(head + r"\n(.*?)(?=^## |\Z)", changes, re.MULTILINE | re.DOTALL)
     if section is None:
-        found.append(f"CHANGELOG.md has no section '## [{version}] - YEAR-MONTH-DAY'")
-    elif not re.search(r"^- ", section[1], re.MULTILINE):
+        return [*found, f"CHANGELOG.md has no section '## [{version}] - YEAR-MONTH-DAY'"]
+    if not re.search(r"^- ", section[2], re.MULTILINE):
         found.append(f"CHANGELOG.md says nothing of {version}")
+    citation = (root / "CITATION.cff").read_text(encoding="utf-8")
+    for name, value in {"version": version, "date-released": section[1]}.items():
+        line = f'{name}: "{value}"'
+        if line not in citation.splitlines():
+            found.append(f"CITATION.cff has no line '{line}'")
     return found
 
 

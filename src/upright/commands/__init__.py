@@ -37,6 +37,7 @@ COMMANDS: Registry[Any] = Registry(
         "matlab": "upright.commands.matlab",
         "ros2": "upright.commands.ros2",
         "gazebo": "upright.commands.gazebo",
+        "cite": "upright.commands.cite",
         "completion": "upright.commands.completion",
     },
 )
@@ -51,12 +52,14 @@ examples:
   upright reproduce                            the published tables again, with pictures
   upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             the table of a store of runs
+  upright show runs.sqlite --each run          the runs themselves, as CSV
   upright plot policy results/reinforce.npz    a picture of a trained policy
   upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings
   upright new my_agent.py                      begin an agent of your own
   upright check my_agent.py                    try all that it must do, and see if it learns
   upright matlab table                         Q-learning in MATLAB code, run by Octave
+  upright cite                                 how to cite Upright and its sources
 `upright COMMAND --help` describes each.
 """
 

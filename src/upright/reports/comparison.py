@@ -11,12 +11,13 @@ from upright.core.conditions import PUBLISHED_NOISES, RUNS
 from upright.core.contracts import AnyAgent
 from upright.core.trials import Result
 from upright.errors import UprightError, require_one_of
-from upright.reports.learning import trials_of
-from upright.reports.notebook import displayed, html_table, make_frame
+from upright.reports.notebook import displayed, html_table
 from upright.reports.statistics import Row, summarise
 from upright.reports.tables import study_table, to_text
 from upright.studies.case import Case, make_case
+from upright.studies.columns import RESULT, TRIAL
 from upright.studies.progress import study_with_progress
+from upright.studies.records import describe_case, make_frame
 from upright.studies.store import Store
 from upright.studies.study import check_study, study
 from upright.support.words import count
@@ -30,11 +31,8 @@ GUESSING = "random-search"
 WORDS = ("Agent", "Settings", "Noise", "Task")
 """Columns of the table that hold words."""
 COLUMNS = ("agent", "settings", "noise", "seed", "run")
-"""Columns of frames that say which run it is."""
-MEASURED = {
-    "run": ("success", "trials", "steps", "longest_trial", "seconds"),
-    "trial": ("trial", "steps", "fallen"),
-}
+"""Columns of frames that say which run it is; in all others, the runs of a comparison agree."""
+MEASURED = {"run": tuple(RESULT), "trial": tuple(TRIAL)}
 """The other columns of frames with a row for each run, or for each trial."""
 PLOTS = ("trials", "curves")
 """What can be drawn."""
@@ -87,21 +85,14 @@ class Comparison:
             If pandas is missing.
         """
         require_one_of("each", each, MEASURED)
-        measured = trials_of if each == "trial" else _measured
-        rows = [
-            {
-                "agent": case.name,
-                "settings": case.settings_name,
-                "noise": case.spec.noise,
-                "seed": self.seed,
-                "run": result.run,
-                **values,
-            }
-            for case, results in self.results.items()
+        runs = (
+            (values | {"seed": self.seed, "run": result.run}, result)
+            for values, results in zip(
+                map(describe_case, self.results), self.results.values(), strict=True
+            )
             for result in results
-            for values in measured(result)
-        ]
-        return make_frame(rows, COLUMNS + MEASURED[each])
+        )
+        return make_frame(runs, each, COLUMNS + MEASURED[each])
 
     def plot(self, kind: str = "trials") -> "Figure":
         """Draw the runs.
@@ -130,18 +121,6 @@ class Comparison:
     def _repr_html_(self) -> str:
         table = study_table(self.rows)
         return html_table(table.head, table.body, table.notes, WORDS)
-
-
-def _measured(result: Result) -> list[dict[str, Any]]:
-    return [
-        {
-            "success": result.success,
-            "trials": result.trials,
-            "steps": int(result.lengths.sum()),
-            "longest_trial": int(result.lengths.max(initial=0)),
-            "seconds": result.seconds,
-        }
-    ]
 
 
 def compare(

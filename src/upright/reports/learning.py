@@ -7,9 +7,11 @@ from upright.core.trials import Result
 from upright.errors import require
 from upright.policies.policy import Policy
 from upright.reports.names import agent_name, noise_name
-from upright.reports.notebook import displayed, html_table, make_frame
+from upright.reports.notebook import displayed, html_table
 from upright.studies.case import make_case, named
+from upright.studies.columns import TRIAL
 from upright.studies.learned import make_learned
+from upright.studies.records import make_frame
 from upright.studies.study import check_study
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ class Learned(NamedTuple):
         UprightError
             If pandas is missing.
         """
-        return make_frame(trials_of(self.result), ("trial", "steps", "fallen"))
+        return make_frame([({}, self.result)], "trial", TRIAL)
 
     def plot(self) -> "Figure":
         """Draw the learning curve: the length of each trial."""
@@ -77,15 +79,6 @@ class Learned(NamedTuple):
         }
         texts = ("Agent", "Noise", "Balanced")
         return html_table(list(cells), [list(cells.values())], [], texts)
-
-
-def trials_of(result: Result) -> list[dict[str, Any]]:
-    """Return the trials of a run, each as its number, its length and whether it ended in a fall."""
-    last = result.trials if result.success else 0
-    return [
-        {"trial": number, "steps": steps, "fallen": number != last}
-        for number, steps in enumerate(result.lengths.tolist(), 1)
-    ]
 
 
 def learn(

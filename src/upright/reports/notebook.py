@@ -1,15 +1,12 @@
-"""How results look in a notebook: tables in HTML, frames of pandas, figures that are displayed."""
+"""How results look in a notebook: tables in HTML, and figures that are displayed."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any
-
-from upright.errors import require_module
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
 
 RESOLUTION = 100
@@ -42,19 +39,6 @@ def html_table(
     rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
     below = "".join(f"<div><small>{escape(note)}</small></div>" for note in notes)
     return f"<table><thead><tr>{line('th', head)}</tr></thead><tbody>{rows}</tbody></table>{below}"
-
-
-def make_frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> "pandas.DataFrame":
-    """Return a pandas DataFrame of rows by name.
-
-    Raises
-    ------
-    UprightError
-        If pandas is missing.
-    """
-    library = require_module("pandas", "frame() needs pandas", "notebook")
-    frame: pandas.DataFrame = library.DataFrame(list(rows), columns=list(columns))
-    return frame
 
 
 def displayed(figure: "Figure") -> "Figure":

@@ -19,7 +19,7 @@ from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
 from upright.studies import matlab_twin
 from upright.studies.fingerprint import fingerprint
-from upright.support.settings import changed_values, values_of, with_values
+from upright.support.settings import Fields, changed_values, values_of, with_values
 from upright.support.short_repr import call
 
 LANGUAGES = ("Python", "MATLAB")
@@ -167,7 +167,7 @@ class Case:
         )
 
 
-def name_settings(label: str, usual: Settings, settings: Settings) -> str:
+def name_settings(label: str, usual: Fields, settings: Fields) -> str:
     """Return the label of the usual settings, and those of the settings that differ from them."""
     changed = changed_values(usual, settings)
     return ", ".join([label, *(f"{name}={value}" for name, value in changed.items())])

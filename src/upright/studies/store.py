@@ -6,16 +6,22 @@ import sqlite3
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError, require_kind
+from upright.studies.case import Case
+from upright.studies.records import describe_case, make_frame
 from upright.support.words import count
+
+if TYPE_CHECKING:
+    import pandas
 
 APPLICATION_ID = 0x55505254
 """Marks a database as a store of this package ("UPRT")."""
@@ -118,11 +124,18 @@ class Store:
 
     def _rows(self, query: str, values: Sequence[object] = ()) -> list[Any]:
         """Return what the file holds, which is nothing while there is none."""
+        return list(self._each_row(query, values))
+
+    def _each_row(self, query: str, values: Sequence[object] = ()) -> Iterator[Any]:
+        """Yield what `_rows` returns, row by row as it is read."""
         if self._database is None and not Path(str(self.path)).exists():
-            return []
+            return
         database = self._database or self._open()
         with self._explaining_errors():
-            return database.execute(query, values).fetchall()
+            # `yield from` would close the cursor of a reader that ends early, which SQLite refuses
+            # if the store was closed first.
+            for row in database.execute(query, values):  # noqa: UP028
+                yield row
 
     def _prepare(self, database: sqlite3.Connection) -> None:
         ((tables,),) = database.execute("SELECT count(*) FROM sqlite_master")
@@ -191,10 +204,61 @@ class Store:
             "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
             (key, seed, 2**62 if runs is None else runs),
         )
-        return [
-            Result(run, bool(success), np.frombuffer(lengths, "<i4").astype(np.int64), seconds)
-            for run, success, lengths, seconds in rows
-        ]
+        return [_result(*row) for row in rows]
+
+    def runs(self) -> Iterator[tuple[dict[str, Any], Result]]:
+        """Yield every run, case by case, as it is read: what is known of it, and its result.
+
+        Yields
+        ------
+        tuple
+            The values of the run that its result does not have, by name (see docs/data.md): what
+            identifies it, when it ended and the version that made it. And the result.
+
+        Raises
+        ------
+        UprightError
+            If the file is damaged, or a case is of an agent or plant that is not there.
+        """
+        made_with = "version" if self._names_versions() else "NULL"
+        found = self._each_row(
+            f"SELECT case_id, key, strftime('%Y-%m-%dT%H:%M:%SZ', ended), {made_with}, "
+            "seed, run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
+            "ORDER BY case_id, seed, run"
+        )
+        for (number, key), rows in groupby(found, key=lambda row: row[:2]):
+            case = {"case": number, **describe_case(Case.from_data(json.loads(key)))}
+            for _, _, ended, version, seed, run, *measured in rows:
+                about = {"seed": seed, "run": run, "ended": ended, "version": version}
+                yield case | about, _result(run, *measured)
+
+    def frame(self, each: str = "run") -> "pandas.DataFrame":
+        """Return all runs as a tidy pandas DataFrame.
+
+        Parameters
+        ----------
+        each
+            "run" for a row for each run, or "trial" for a row for each trial. The columns are those
+            of `upright show --each`, which docs/data.md describes: what identifies the run, then
+            `success`, `trials`, `steps` and others, or `trial`, `steps` and `fallen`. Names are
+            categories.
+
+        Raises
+        ------
+        UprightError
+            If pandas is missing, the file is damaged, or a case is of an agent or plant that is
+            not there.
+
+        Examples
+        --------
+        >>> case = upright.make_case("random-search", steps=300)
+        >>> with upright.Store() as store:
+        ...     results = upright.study([case], runs=10, store=store)
+        ...     runs, trials = store.frame(), store.frame("trial")
+        >>> len(runs), len(trials) == runs["trials"].sum()
+        (10, True)
+        """
+        return make_frame(self.runs(), each)
 
     def version(self, key: str, seed: int) -> str | None:
         """Return the version of this package that made the runs of a case, or all such versions.
@@ -225,3 +289,8 @@ class Store:
         """Close the file."""
         if self._database is not None:
             self._database.close()
+
+
+def _result(run: int, success: int, lengths: bytes, seconds: float) -> Result:
+    """Return the result of a run from its row."""
+    return Result(run, bool(success), np.frombuffer(lengths, "<i4").astype(np.int64), seconds)
