@@ -131,6 +131,7 @@ def test_the_sdist_has_all_that_the_wheel_is_made_of(sdist, wheel, place):
         "LICENSE",
         "README.md",
         "CHANGELOG.md",
+        "CITATION.cff",
         "pyproject.toml",
         "matlab/+upright/step.m",
     ):

@@ -58,7 +58,7 @@ RESULT = {
 """Columns of what came out of a run."""
 ORIGIN = {
     "ended": Column("time", "When the run ended (UTC)."),
-    "version": Column("text", "Version of Upright that made the run; missing up to 0.2."),
+    "version": Column("text", "Version of Upright that made the run; unknown up to 0.2."),
 }
 """Columns of when and with what a run was made, which stores know."""
 TRIAL = {

@@ -99,8 +99,7 @@ def make_frame(
 def _series(library: Any, kind: str, cells: list[Any]) -> Any:
     """Return cells as a pandas Series; names as categories in the order in which they come."""
     if kind == "text":
-        names = dict.fromkeys(cell for cell in cells if cell is not None)
-        return library.Series(cells, dtype=library.CategoricalDtype([*names]))
+        return library.Series(cells, dtype=library.CategoricalDtype([*dict.fromkeys(cells)]))
     return library.Series(cells, dtype=KINDS[kind])
 
 

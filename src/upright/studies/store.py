@@ -220,16 +220,16 @@ class Store:
         UprightError
             If the file is damaged, or a case is of an agent or plant that is not there.
         """
-        made_with = "version" if self._names_versions() else "NULL"
+        version = "coalesce(version, 'unknown')" if self._names_versions() else "'unknown'"
         found = self._each_row(
-            f"SELECT case_id, key, strftime('%Y-%m-%dT%H:%M:%SZ', ended), {made_with}, "
+            f"SELECT case_id, key, strftime('%Y-%m-%dT%H:%M:%SZ', ended), {version}, "
             "seed, run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
             "ORDER BY case_id, seed, run"
         )
         for (number, key), rows in groupby(found, key=lambda row: row[:2]):
             case = {"case": number, **describe_case(Case.from_data(json.loads(key)))}
-            for _, _, ended, version, seed, run, *measured in rows:
-                about = {"seed": seed, "run": run, "ended": ended, "version": version}
+            for _, _, ended, made_with, seed, run, *measured in rows:
+                about = {"seed": seed, "run": run, "ended": ended, "version": made_with}
                 yield case | about, _result(run, *measured)
 
     def frame(self, each: str = "run") -> "pandas.DataFrame":
