@@ -8,7 +8,13 @@ from upright.agents.q_learning import QLearning
 from upright.agents.reinforce import Reinforce
 from upright.errors import UprightError
 from upright.support import settings
-from upright.support.settings import combinations, pairs, sweep_settings, with_values
+from upright.support.settings import (
+    combinations,
+    numbers_in,
+    pairs,
+    sweep_settings,
+    with_values,
+)
 
 
 def test_the_examples_are_true():
@@ -41,6 +47,71 @@ def test_names_can_be_swept():
 )
 def test_tuples_have_commas_of_their_own(text, values):
     assert [each.x_edges for each in sweep_settings(AseAce(), {"x_edges": text})] == values
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("0.25:2:8", ["0.25", "0.5", "0.75", "1", "1.25", "1.5", "1.75", "2"]),
+        ("1:3:2", ["1", "3"]),
+        ("0.1,0.25:2:2", ["0.1", "0.25", "2"]),
+        (" 1 : 100 : 3 : log , 7", ["1", "10", "100", "7"]),
+        ("-0.3:0.3:7", ["-0.3", "-0.2", "-0.1", "0", "0.1", "0.2", "0.3"]),
+        ("0:1:4", ["0", "0.333333", "0.666667", "1"]),
+        ("0.1234567:2e7:3:log", ["0.1234567", "1571.35", "2e7"]),
+        ("1,x", ["1", "x"]),
+    ],
+)
+def test_a_range_has_both_ends_as_they_are_given_and_six_digits_between(text, numbers):
+    assert numbers_in("size", text) == numbers
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "count"), [(1e-9, 1e9, 1000), (0.25, 2.0, 8), (3.0, 3.1, 50)]
+)
+@pytest.mark.parametrize("scale", ["", ":log"])
+def test_numbers_of_a_range_ascend_by_equal_differences_or_ratios(low, high, count, scale):
+    numbers = [float(text) for text in numbers_in("size", f"{low!r}:{high!r}:{count}{scale}")]
+    space = np.geomspace if scale else np.linspace
+    assert (numbers[0], numbers[-1]) == (low, high)
+    np.testing.assert_allclose(numbers, space(low, high, count), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.25:2", "a range is LOW:HIGH:COUNT or"),
+        ("0.25:2:8:linear", "a range is LOW:HIGH:COUNT or"),
+        ("0.25:2:8:log:log", "a range is LOW:HIGH:COUNT or"),
+        ("short:2:8", "LOW and HIGH must be numbers"),
+        ("1:1:8", "LOW must be below HIGH"),
+        ("2:1:8", "LOW must be below HIGH"),
+        ("1:inf:8", "LOW must be below HIGH"),
+        ("nan:1:8", "LOW must be below HIGH"),
+        ("0:1:8:log", "equal ratios need LOW above 0"),
+        ("1:2:1", "COUNT must be a whole number from 2 to 1,000"),
+        ("1:2:2.5", "COUNT must be a whole number from 2 to 1,000"),
+        ("1:2:-3", "COUNT must be a whole number from 2 to 1,000"),
+        ("1:2:1001", "COUNT must be a whole number from 2 to 1,000"),
+        ("1:2:9999999999", "COUNT must be a whole number from 2 to 1,000"),
+        ("1:1.00001:100", "LOW and HIGH are too close for so many numbers of six digits"),
+    ],
+)
+def test_a_range_that_cannot_be_is_refused_by_name(text, said):
+    with pytest.raises(UprightError, match=f"^size is '{text}'; {said}"):
+        numbers_in("size", f"3,{text}")
+
+
+def test_ranges_are_for_numbers_and_whole_where_settings_are():
+    found = sweep_settings(QLearning(), {"learning_rate": "0.1:0.3:3", "mirrored": "True,False"})
+    assert [each.learning_rate for each in found] == [0.1, 0.1, 0.2, 0.2, 0.3, 0.3]
+    assert [each.epochs for each in sweep_settings(Reinforce(), {"epochs": "1:7:3"})] == [1, 4, 7]
+    with pytest.raises(UprightError, match=r"epochs is '2.5'; it must be a whole number"):
+        sweep_settings(Reinforce(), {"epochs": "1:4:3"})
+    with pytest.raises(UprightError, match=r"mirrored is '0:1:2'; it must be like"):
+        sweep_settings(QLearning(), {"mirrored": "0:1:2"})
+    with pytest.raises(UprightError, match=r"baseline is 'mean:fitted:2'"):
+        sweep_settings(Reinforce(), {"baseline": "mean:fitted:2"})
 
 
 def test_a_sweep_is_bounded():

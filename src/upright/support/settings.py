@@ -10,7 +10,7 @@ import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from upright.errors import UprightError, require_one_of
@@ -121,7 +121,8 @@ def change_settings(settings: S, changes: Mapping[str, str]) -> S:
 def sweep_settings(settings: S, changes: Mapping[str, str]) -> list[S]:
     """Return settings with every combination of the values, which have commas between.
 
-    A tuple has commas of its own: several are given in brackets, as (-1, 1),(-2, 2).
+    Numbers may also be given as ranges, as `numbers_in` reads them. A tuple has commas of its own:
+    several are given in brackets, as (-1, 1),(-2, 2).
 
     Raises
     ------
@@ -130,10 +131,16 @@ def sweep_settings(settings: S, changes: Mapping[str, str]) -> list[S]:
     """
     values: dict[str, list[object]] = {}
     for name, text, present in _named(settings, changes):
-        several = not isinstance(present, tuple) or text.startswith("(")
-        parts = split_values(text) if several else [text]
-        values[name] = [_parse(name, part, present) for part in parts]
+        values[name] = [_parse(name, part, present) for part in _parts(name, text, present)]
     return [replace(settings, **chosen) for chosen in combinations(values)]
+
+
+def _parts(name: str, text: str, present: object) -> list[str]:
+    """Return the texts of the values that a setting is to have."""
+    if isinstance(present, (int, float)) and not isinstance(present, bool):
+        return numbers_in(name, text)
+    several = not isinstance(present, tuple) or text.startswith("(")
+    return split_values(text) if several else [text]
 
 
 def _named(settings: Fields, changes: Mapping[str, str]) -> Iterator[tuple[str, str, object]]:
@@ -187,6 +194,78 @@ def split_values(text: str) -> list[str]:
     (['0.1', '0.3'], ['(-1, 1)', '(-2, 2)'])
     """
     return [part.strip() for part in re.split(r",(?![^(\[]*[)\]])", text)]
+
+
+RANGE = "LOW:HIGH:COUNT or, with equal ratios, LOW:HIGH:COUNT:log"
+"""How a range of numbers is written."""
+
+
+def numbers_in(name: str, text: str) -> list[str]:
+    """Return the numbers in a text, which has numbers and ranges with commas between, as texts.
+
+    A range has COUNT numbers, its ends among them, with equal differences or, with `log`, equal
+    ratios. Those between its ends are rounded to six significant digits.
+
+    Parameters
+    ----------
+    name
+        What has these values, for errors.
+    text
+        The text; what is no range stands as it is.
+
+    Raises
+    ------
+    UprightError
+        If a range is not of this form, its ends are not in order, or its numbers are too many.
+
+    Examples
+    --------
+    >>> from upright.support.settings import numbers_in
+    >>> numbers_in("half_length", "0.1,0.25:1:4")
+    ['0.1', '0.25', '0.5', '0.75', '1']
+    >>> numbers_in("half_length", "0.25:2:4:log")
+    ['0.25', '0.5', '1', '2']
+    """
+    return [
+        number
+        for part in split_values(text)
+        for number in (_numbers_of_range(name, part) if ":" in part else [part])
+    ]
+
+
+def _numbers_of_range(name: str, text: str) -> list[str]:
+    def wrong(why: str) -> UprightError:
+        return UprightError(f"{name} is {text!r}; {why}")
+
+    fields = [field.strip() for field in text.split(":")]
+    is_log = fields[3:] == ["log"]
+    if len(fields) != 3 + is_log:
+        raise wrong(f"a range is {RANGE}")
+    first, last, count = fields[:3]
+    try:
+        low, high = float(first), float(last)
+    except ValueError:
+        raise wrong("LOW and HIGH must be numbers") from None
+    if not -math.inf < low < high < math.inf:
+        raise wrong("LOW must be below HIGH")
+    if is_log and low <= 0:
+        raise wrong("equal ratios need LOW above 0")
+    if not re.fullmatch("[0-9]{1,4}", count) or not 2 <= int(count) <= MOST_CASES:
+        raise wrong(f"COUNT must be a whole number from 2 to {MOST_CASES:,}")
+    between = _between(low, high, int(count), is_log=is_log)
+    if any(one >= next_ for one, next_ in pairwise([low, *between, high])):
+        raise wrong("LOW and HIGH are too close for so many numbers of six digits")
+    return [first, *(f"{value:g}" for value in between), last]
+
+
+def _between(low: float, high: float, count: int, *, is_log: bool) -> list[float]:
+    """Return what lies between the ends of a range, rounded to six significant digits."""
+    ends = (math.log(low), math.log(high)) if is_log else (low, high)
+    parts = (step / (count - 1) for step in range(1, count - 1))
+    values = [(1 - part) * ends[0] + part * ends[1] for part in parts]
+    # What is 0 between -1 and 1 is not quite 0 as it is computed.
+    digits = 12 - math.floor(math.log10(max(abs(low), abs(high))))
+    return [float(f"{math.exp(v) if is_log else round(v, digits) + 0.0:.6g}") for v in values]
 
 
 def as_options(option: str, values: Mapping[str, Any]) -> list[str]:
