@@ -326,6 +326,9 @@ def test_a_table_sweeps_settings_and_parameters(tmp_path, monkeypatch, capsys):
     assert len(found) == len(set(map(str, found))) == 12
     assert found[2] == ("default, x_scale=2.0", {"half_length": 1.0}, "none")
     assert found[-1] == ("default", {"half_length": 1.0}, "sensor-5")
+    again = line.replace("=0.5,1.0", "=0.5:1:2").replace("=2,3", "=2:3:2")
+    assert run([*again.split(), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out) == rows
     assert run(["show", "runs.sqlite", "--format", "json"]) == 0
     kept = {(row["settings"], row["noise"]) for row in json.loads(capsys.readouterr().out)}
     assert kept == {(row["settings"], row["noise"]) for row in rows}
@@ -337,6 +340,11 @@ def test_a_table_sweeps_settings_and_parameters(tmp_path, monkeypatch, capsys):
         ("table --parameter half_length=1,x", "half_length is 'x'; it must be a number"),
         ("table --parameter half_length=1,0", "half_length is 0.0"),
         ("table --parameter half_length=1 --parameter half-length=2", "is given twice"),
+        ("table --parameter half_length=1:2", "half_length is '1:2'; a range is LOW:HIGH:COUNT"),
+        ("table --parameter half_length=0:2:3", "half_length is 0.0"),
+        ("table --parameter lenght=1:2:3", "parameter is 'lenght'"),
+        ("learn reinforce --parameter half_length=1:2:3", "half_length is '1:2:3'; it must be a"),
+        ("table --agents q-learning --set discount=0.5:1:1", "discount is '0.5:1:1'; COUNT must"),
         ("table --parameter force=" + ",".join(["1"] * 1001), "the sweep has 1,001 cases"),
         ("table --parameter force=" + ",".join(["1"] * 100), "the sweep has 4,200 cases"),
         ("learn reinforce --parameter half_length=1,2", "half_length is '1,2'"),
@@ -373,6 +381,7 @@ def test_a_sweep_that_cannot_be_is_refused_before_anything_runs(line, said, caps
         ("table --noises none,sensr-5", "sensor-5"),
         ("table --format markdwn", "markdown"),
         ("plot curvs runs.sqlite", "curves"),
+        ("plot sweep runs.sqlite --parameter half-length", "half_length"),
         ("plants equation", "equations"),
         ("ros2 simulate --plant gazbo", "gazebo"),
         ("export policy.npz policy.onx", ".onnx"),

@@ -202,6 +202,55 @@ def test_what_all_rows_share_is_a_note_and_what_differs_is_a_column():
     assert head[:5] == ["Agent", "Settings", "Noise", "Runs", "Seed"]
 
 
+def sweep_rows(name="half_length", values=(0.25, 0.5, 2), agents=("ndp", "random-search")):
+    """Return rows of agents over values of a parameter."""
+    return [
+        replace(row, task=replace(row.task, parameters={name: value}))
+        for row in wide_rows(*agents)[::2]
+        for value in values
+    ]
+
+
+def test_a_parameter_that_differs_is_a_column_with_its_unit():
+    shown = render(sweep_rows(), "text", width=80).splitlines()
+    assert shown[0].split()[:4] == ["Agent", "half_length", "[m]", "Success"]
+    assert [line.split()[:2] for line in shown[2:5]] == [["ndp", v] for v in ("0.25", "0.5", "2")]
+    assert "Settings: default. Noise: none." in shown
+    assert "| ndp | default | none | 0.25 |" in render(sweep_rows(), "markdown")
+    assert "half" not in render(sweep_rows(values=[0.25]), "text", width=200).splitlines()[0]
+
+
+def test_values_stay_on_their_lines_where_names_are_too_long():
+    shown = render(sweep_rows(agents=[LONG_NAME]), "text", width=66).splitlines()
+    assert shown[0].startswith("  half_length [m]  ")
+    assert shown[2] == LONG_NAME
+    assert [line.split()[0] for line in shown[3:6]] == ["0.25", "0.5", "2"]
+    noisy = [replace(r, task=replace(r.task, noise="sensor-5")) for r in sweep_rows()]
+    shown = render([*sweep_rows(), *noisy], "text", width=66).splitlines()
+    assert shown[0].startswith("  Noise     half_length [m]  ")
+    assert shown[3].startswith("  none      0.25  ")
+
+
+def test_a_task_says_nothing_twice():
+    rows = sweep_rows()
+    rows[0] = replace(rows[0], task=replace(rows[0].task, steps=300))
+    table = study_table(rows)
+    place = table.head.index("Task")
+    assert table.head[place - 1] == "half_length [m]"
+    assert [line[place] for line in table.body[:2]] == ["N = 300 steps", "N = 600,000 steps"]
+
+
+def test_csv_has_a_column_for_a_parameter_that_differs():
+    found = csv.DictReader(io.StringIO(to_csv(sweep_rows("force", (5, 10)))))
+    assert [line["force"] for line in found] == ["5.0", "10.0"] * 2
+    assert "force" not in to_csv(wide_rows("ndp")).splitlines()[0].split(",")
+
+
+def test_values_of_a_parameter_ascend():
+    rows = sweep_rows("force", (2, 5, 10, 20))
+    assert in_order(reversed(rows)) == rows
+
+
 def test_where_published_figures_are_from_is_said_if_asked_for():
     rows = wide_rows("ndp")
     assert "IEEE Trans." in render(rows, "text", width=200, sources=True)

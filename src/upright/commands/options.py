@@ -21,8 +21,8 @@ from upright.core.conditions import (
 from upright.core.parameters import Parameters, parse_parameters
 from upright.errors import UprightError, did_you_mean
 from upright.plants import PLANTS
+from upright.reports.sweeps import heading
 from upright.reports.tables import FORMATS
-from upright.support.settings import describe_settings
 
 if TYPE_CHECKING:
     from upright.pictures.size import Size
@@ -56,10 +56,7 @@ def whole(default: int, text: str, metavar: str = "N") -> dict[str, Any]:
     return {"type": as_whole, "default": default, "metavar": metavar, "help": help_text}
 
 
-UNITS = ", ".join(
-    f"{name} [{text.rpartition('[')[2].rstrip('.')}"
-    for name, text in describe_settings(Parameters).items()
-)
+UNITS = ", ".join(map(heading, Parameters._fields))
 """The parameters of a plant with their units."""
 
 TASK: dict[str, dict[str, Any]] = {
@@ -212,12 +209,12 @@ def task_of(options: argparse.Namespace) -> dict[str, Any]:
 
 def tasks_of(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the parts of each task where --parameter may ask for several: as `task_of`."""
-    from upright.support.settings import combinations, pairs, split_values
+    from upright.support.settings import combinations, numbers_in, pairs
 
     values = {
         name: [
             parse_parameters([f"{name}={value}"], "--parameter")[name]
-            for value in split_values(text)
+            for value in numbers_in(name, text)
         ]
         for name, text in pairs("--parameter", options.parameters)
     }

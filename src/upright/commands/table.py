@@ -20,6 +20,7 @@ from upright.commands.options import (
 )
 from upright.commands.parser import Parser
 from upright.commands.showing import put_table, telling_of_compilation, telling_what_is_kept
+from upright.support.settings import RANGE
 
 if TYPE_CHECKING:
     from upright.studies.case import Case
@@ -33,6 +34,8 @@ examples:
   upright table --plant mujoco --agents reinforce,random-search --runs 20
   upright table --agents q-learning,reinforce --noises none --set q-learning.discount=0.9,0.99
   upright table --agents adaptive-lqr --noises none --parameter half_length=0.25,0.5,1.0
+  upright table --agents q-learning,random-search --noises none --parameter half_length=0.25:2:8
+  upright table --agents q-learning --noises none --parameter cart_mass=0.1:10:5:log --runs 20
   upright table --agents q-learning,random-search --settings-file tuned.toml
   upright table --format json --output table.json
 {CUSTOM_AGENTS}\
@@ -50,7 +53,8 @@ def add_options(parser: Parser) -> None:
         "--parameter",
         metavar="NAME=VALUES",
         help="change a parameter of the plant (see upright plants); values with commas between "
-        f"give a row each; may be repeated: {UNITS}",
+        f"give a row each, and so do the numbers of a range: {RANGE}. May be repeated, and every "
+        f"combination is measured; upright plot sweep draws what is in the store. {UNITS}",
     )
     add(parser, "--settings")
     add(
@@ -63,9 +67,9 @@ def add_options(parser: Parser) -> None:
         parser,
         "--set",
         metavar="AGENT.NAME=VALUES",
-        help="change one of an agent's settings (see upright agents); values with commas between "
-        "give a row each; may be repeated, and every combination is measured. AGENT. may be left "
-        "out where there is one agent",
+        help="change one of an agent's settings (see upright agents); values with commas between, "
+        "and ranges of numbers as above, give a row each; may be repeated, and every combination "
+        "is measured. AGENT. may be left out where there is one agent",
     )
     add_plant_options(parser)
     add_measuring_options(parser)

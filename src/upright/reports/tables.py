@@ -4,13 +4,14 @@ import csv
 import io
 import json
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.core.conditions import TRIALS
 from upright.core.parameters import changed_parameters
 from upright.errors import require_all, require_one_of
+from upright.reports.sweeps import heading, sizes, swept
 from upright.support import terminal
 from upright.support.words import count
 
@@ -34,6 +35,8 @@ class Column(NamedTuple):
 
     head: str
     cells: list[str]
+    stays: bool = False
+    """Whether it stays on its lines where other names are too long and stand above them."""
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -70,7 +73,8 @@ def _labels(rows: Sequence["Row"]) -> list[Column]:
     labels = [
         Column("Agent", [row.name for row in rows]),
         Column("Settings", [row.settings for row in rows]),
-        Column("Noise", [row.task.noise for row in rows]),
+        Column("Noise", [row.task.noise for row in rows], stays=True),
+        *_sweeps(rows),
     ]
     perhaps = [
         Column("Task", _differences(rows)),
@@ -78,6 +82,15 @@ def _labels(rows: Sequence["Row"]) -> list[Column]:
         Column("Seed", [str(row.seed) for row in rows]),
     ]
     return labels + [column for column in perhaps if len(set(column.cells)) > 1]
+
+
+def _sweeps(rows: Sequence["Row"]) -> list[Column]:
+    """Return a column for each number that the tasks differ in."""
+    tasks = [row.task for row in rows]
+    return [
+        Column(heading(name), [f"{sizes(task)[name]:.12g}" for task in tasks], stays=True)
+        for name in swept(tasks)
+    ]
 
 
 def _figures(rows: Sequence["Row"]) -> list[Column]:
@@ -137,19 +150,27 @@ def _shared(rows: Sequence["Row"]) -> list[str]:
 
 
 def _differences(rows: Sequence["Row"]) -> list[str]:
-    """Return in what the task of each row differs from what all tasks share, or a dash."""
-    shared = _shared(rows)
-    texts = (", ".join(part for part in _parts(row) if part not in shared) for row in rows)
+    """Return in what the task of each row differs from what all tasks share, or a dash.
+
+    What has a column of its own is left out.
+    """
+    shared, apart = _shared(rows), swept(row.task for row in rows)
+    texts = (", ".join(part for part in _parts(row, apart) if part not in shared) for row in rows)
     return [text or "–" for text in texts]
 
 
-def _parts(row: "Row") -> list[str]:
-    """Return the parts of a row's task but for its noise, and all that differs from the usual."""
+def _parts(row: "Row", apart: Collection[str] = ()) -> list[str]:
+    """Return the parts of a row's task but for its noise, and all that differs from the usual.
+
+    Parameters of the plant whose names are in `apart` are left out.
+    """
     task = row.task
     parts = [f"N = {task.steps:,} steps", f"start {task.start}"]
     parts += [f"condition {task.condition}"] if task.condition != "nominal" else []
     parts += [f"at most {task.trials:,} trials"] if task.trials != TRIALS else []
-    changed = {**changed_parameters(task.parameters), **row.plant_settings}
+    changed = changed_parameters(task.parameters)
+    changed = {name: value for name, value in changed.items() if name not in apart}
+    changed |= row.plant_settings
     return [*parts, *(f"{name} {value}" for name, value in changed.items())]
 
 
@@ -174,9 +195,8 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
         has no room stands in further tables below.
     """
     width = width or terminal.width()
-    labels = _labels(rows)
-    shared = {label.head: label.cells[0] for label in labels if len(set(label.cells)) == 1}
-    labels = [label for label in labels if label.head != "Settings" or "Settings" not in shared]
+    said = _said_once(rows)
+    labels = [label for label in _labels(rows) if label.head not in said]
     figures, published = _figures(rows), _published(rows, _sources(rows))
     tables, left_out = [], []
     if sources:
@@ -192,8 +212,8 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
         tables.append(_lines(labels, some, width))
         left_out = [column.head for column in figures + published if column not in some]
     notes = _notes(rows)
-    if "Settings" in shared:
-        notes.insert(0, f"Settings: {shared['Settings']}.")
+    if said:
+        notes.insert(0, " ".join(f"{head}: {cell}." for head, cell in said.items()))
     heads = [column.head for column in published]
     if sources:
         notes += _citations(rows, heads)
@@ -203,6 +223,13 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
         notes.append(f"Published mean trials: {', '.join(heads)}; {ALL} cites them.")
     notes = [textwrap.fill(note, width, subsequent_indent="  ", **UNBROKEN) for note in notes]
     return "\n".join([*("\n".join([*table, ""]) for table in tables), *notes]) + "\n"
+
+
+def _said_once(rows: Sequence["Row"]) -> dict[str, str]:
+    """Return the labels, by head, that stand below a text because all rows share them."""
+    heads = ("Settings", "Noise") if swept(row.task for row in rows) else ("Settings",)
+    labels = [label for label in _labels(rows) if label.head in heads]
+    return {label.head: label.cells[0] for label in labels if len(set(label.cells)) == 1}
 
 
 ALL = "--sources (in Python, sources=True)"
@@ -217,7 +244,7 @@ def _as_many_as_fit(
     """Return the first figures that fit beside their labels, or below their names; at least one."""
     core = [column for column in figures if column.head in CORE]
     beside = _width([*labels, *core]) <= width
-    present = list(labels) if beside else [_indented(labels)]
+    present = list(labels) if beside else _indented(labels)
     fitting = next(
         (n for n in range(len(figures), 1, -1) if _width([*present, *figures[:n]]) <= width), 1
     )
@@ -228,8 +255,8 @@ def _lines(labels: Sequence[Column], figures: Sequence[Column], width: int) -> l
     """Return the lines of a table, with names above their lines if they are too long."""
     if _width([*labels, *figures]) <= width:
         return _aligned(labels, figures)
-    head, rule, *body = _aligned([_indented(labels)], figures)
-    others = [label for label in labels if label.head != "Noise"]
+    head, rule, *body = _aligned(_indented(labels), figures)
+    others = [label for label in labels if not label.stays]
     names = list(zip(*(label.cells for label in others), strict=True))
     lines = [head, rule]
     for name, group in groupby(zip(names, body, strict=True), key=lambda pair: pair[0]):
@@ -239,10 +266,10 @@ def _lines(labels: Sequence[Column], figures: Sequence[Column], width: int) -> l
     return lines
 
 
-def _indented(labels: Sequence[Column]) -> Column:
+def _indented(labels: Sequence[Column]) -> list[Column]:
     """Return the labels that stand on a line whose name is above it."""
-    (noise,) = (label for label in labels if label.head == "Noise")
-    return Column(f"  {noise.head}", [f"  {cell}" for cell in noise.cells])
+    first, *others = (label for label in labels if label.stays)
+    return [Column(f"  {first.head}", [f"  {cell}" for cell in first.cells]), *others]
 
 
 def _aligned(labels: Sequence[Column], figures: Sequence[Column]) -> list[str]:
@@ -307,8 +334,12 @@ def to_json(rows: Sequence["Row"]) -> str:
 
 
 def to_csv(rows: Sequence["Row"]) -> str:
-    """Return the rows as comma-separated values, with columns for ends of intervals and sources."""
-    lines = [_flatten(row) for row in rows]
+    """Return the rows as comma-separated values.
+
+    There are columns for ends of intervals, for sources, and for each number that tasks differ in.
+    """
+    names = swept(row.task for row in rows)
+    lines = [_flatten(row) | {name: sizes(row.task)[name] for name in names} for row in rows]
     output = io.StringIO()
     heads = list(dict.fromkeys(name for line in lines for name in line))
     writer = csv.DictWriter(output, heads, lineterminator="\n")
