@@ -2,6 +2,7 @@ import pytest
 
 from upright.commands import run
 from upright.commands.plot import runs_to_draw
+from upright.support.exit_status import BAD_USE
 
 
 @pytest.fixture
@@ -54,3 +55,33 @@ def test_the_curve_of_a_run_is_titled_in_words(tmp_path, monkeypatch, capsys):
         )
     ]
     capsys.readouterr()
+
+
+def test_a_sweep_of_a_store_is_drawn(make_runs, tmp_path, capsys):
+    make_runs("none --parameter half_length=0.5:1:2 --parameter force=5,10", 0)
+    line = "plot sweep runs.sqlite --output sweep.svg --parameter half_length"
+    assert run(line.split()) == 0
+    assert (tmp_path / "sweep.svg").read_text().startswith("<?xml")
+    assert capsys.readouterr().out == "picture: sweep.svg\n"
+
+
+@pytest.mark.parametrize(
+    ("noises", "line", "said"),
+    [
+        ("none", "plot sweep runs.sqlite", "there is no sweep: all runs have the same parameters"),
+        ("none", "plot sweep missing.sqlite", "store is 'missing.sqlite'"),
+        ("none", "plot sweep runs.sqlite --parameter force", "there is no sweep"),
+        ("none", "plot trials runs.sqlite --parameter force", "it is for upright plot sweep"),
+        (
+            "none --parameter force=5,10 --parameter gravity=9,10",
+            "plot sweep runs.sqlite",
+            "runs differ in gravity and force; choose one: --parameter gravity",
+        ),
+    ],
+)
+def test_a_sweep_that_is_not_there_is_refused_in_one_line(make_runs, noises, line, said, capsys):
+    make_runs(noises, 0)
+    assert run(line.split()) == BAD_USE
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 import upright
@@ -64,7 +65,41 @@ def test_a_frame_has_a_row_for_each_trial(compared):
     assert by_run["trial"].first().eq(1).all()
 
 
-@pytest.mark.parametrize("kind", PLOTS)
+@pytest.fixture(scope="module")
+def lengths():
+    """A sweep of two lengths and two forces."""
+    values = {"half_length": np.array([0.5, 1.0]), "force": (10, 12.5)}
+    return upright.compare("q-learning", parameters=values, **TASK)
+
+
+def test_several_values_of_parameters_give_every_combination(lengths):
+    found = [(row.agent, *row.task.parameters[3::3][:2]) for row in lengths.rows]
+    each = [(0.5, 10), (0.5, 12.5), (1, 10), (1, 12.5)]
+    assert found == [(agent, *both) for agent in ("q-learning", "random-search") for both in each]
+    case = upright.make_case("q-learning", steps=200, parameters={"half_length": 1.0})
+    assert case in lengths.results
+    assert repr(lengths) == (
+        "Comparison(q-learning, random-search; none; 2 of half_length; 2 of force; 3 runs each)"
+    )
+
+
+def test_the_frame_of_a_sweep_has_a_column_for_each_parameter_that_differs(lengths):
+    frame = lengths.frame()
+    assert tuple(frame.columns) == (*COLUMNS, "half_length", "force", *MEASURED["run"])
+    assert frame.groupby(["agent", "half_length", "force"]).size().tolist() == [3] * 8
+    assert set(lengths.frame("trial")["half_length"]) == {0.5, 1.0}
+
+
+def test_a_sweep_is_drawn_over_the_parameter_that_is_chosen(lengths, compared):
+    figure = lengths.plot("sweep", "force")
+    assert figure.get_suptitle().startswith("Trials to success over force")
+    with pytest.raises(upright.UprightError, match=r"^runs differ in half_length and force"):
+        lengths.plot("sweep")
+    with pytest.raises(upright.UprightError, match=r"^there is no sweep"):
+        compared.plot("sweep")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in PLOTS if kind != "sweep"])
 def test_it_is_drawn_and_a_notebook_shows_the_figure(compared, kind):
     assert compared.plot(kind)._repr_png_().startswith(b"\x89PNG")
 
@@ -107,6 +142,12 @@ def test_a_store_is_given_by_its_path_or_open(tmp_path):
         ({"noise": "none"}, "noise is 'none'; compare takes noises"),
         ({"runs": 0}, "runs is 0"),
         ({"stepz": 3}, "part of a task is 'stepz'"),
+        ({"parameters": {"force": []}}, "force is []; it must be a number, or several"),
+        ({"parameters": {"force": [1, 0]}}, "force is 0; it must be a number, above 0"),
+        ({"parameters": {"force": "1:2:3"}}, "force is '1:2:3'; it must be a number"),
+        ({"parameters": {"length": [1, 2]}}, "parameter is 'length'"),
+        ({"parameters": {"force": range(1, 1002)}}, "the sweep has 1,001 cases"),
+        ({"parameters": {"force": range(1, 600)}}, "the sweep has 1,198 cases"),
         ({"store": "no/folder/runs.sqlite"}, "store is 'no/folder/runs.sqlite'"),
     ],
     ids=str,

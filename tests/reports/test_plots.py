@@ -23,7 +23,7 @@ from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.policies.policy import Policy
 from upright.reports import plots
-from upright.reports.plots import curves, distributions, phases, policies, style
+from upright.reports.plots import curves, distributions, phases, policies, style, sweep
 from upright.studies.case import Case, make_case
 from upright.studies.intervals import wilson_interval
 
@@ -100,7 +100,7 @@ def test_a_learning_curve_has_whole_trials_and_numbers_as_people_write_them(tria
     assert axes.get_ylabel() == "steps balanced"
 
 
-@pytest.mark.parametrize("module", [style, distributions])
+@pytest.mark.parametrize("module", [style, distributions, sweep])
 def test_the_examples_hold(module):
     result = doctest.testmod(module)
     assert result.attempted
@@ -399,6 +399,122 @@ def test_labels_do_not_overlap_nor_leave_the_picture(values):
     assert all(-1e-9 <= value <= 1 + 1e-9 for value in moved)
     if all(after - before >= 0.1 for before, after in pairwise(values)):
         np.testing.assert_allclose(moved, values, atol=1e-9)
+
+
+# Sweeps
+
+
+def swept(agent, lengths, *trials, **task):
+    """Return cases of an agent over lengths of the pole, each with its runs."""
+    return [
+        (make_case(agent, parameters={"half_length": length}, **task), results_of(*own))
+        for length, own in zip(lengths, trials, strict=True)
+    ]
+
+
+LENGTHS = [0.25, 0.5, 1.0, 2.0]
+ALL_SUCCEED = [(3, 5), (4, 4), (6, 2), (9, 11)]
+
+
+def points(axes, look):
+    """Return the line of a colour in a panel, and which of its marks are hollow."""
+    lines = [line for line in axes.get_lines() if line.get_color() == look]
+    marks = [line for line in lines if line.get_marker() == "o"]
+    hollow = [mark.get_xdata()[0] for mark in marks if same_color(mark.get_mfc(), "white")]
+    return lines[0].get_xydata().tolist(), hollow
+
+
+def test_a_sweep_shows_mean_trials_and_successes_over_the_values():
+    learned = [
+        *swept("ndp", LENGTHS[::-1], (0, 0), (9, 11), (4, 0), (3, 5)),
+        *swept("random-search", LENGTHS, *ALL_SUCCEED),
+    ]
+    upper, lower = drawn(plots.plot_sweep(learned)).axes
+    line, hollow = points(upper, style.AGENT_COLOURS["ndp"])
+    assert line[:3] == [[0.25, 4], [0.5, 4], [1, 10]]
+    assert np.isnan(line[3][1])  # no run succeeded
+    assert hollow == [0.5, 2]
+    line, hollow = points(lower, style.AGENT_COLOURS["ndp"])
+    assert line == [[0.25, 1], [0.5, 0.5], [1, 1], [2, 0]]
+    line, hollow = points(upper, style.AGENT_COLOURS["random-search"])
+    assert (line, hollow) == ([[0.25, 4], [0.5, 4], [1, 4], [2, 10]], [])
+
+
+def test_the_intervals_of_a_sweep_are_those_of_tables():
+    upper, lower = plots.plot_sweep(swept("ndp", [1, 2], (3, 9, 9), (4, 4, 0))).axes
+    for axes, low, high in ((upper, 3, 9), (lower, wilson_interval(3, 3)[0], 1)):
+        (bars,) = (each for each in axes.collections if isinstance(each, LineCollection))
+        (_, bottom), (_, top) = bars.get_segments()[0]
+        assert low <= bottom < top <= high
+        assert len(bars.get_segments()) == 2
+    assert bottom == low
+
+
+@pytest.mark.parametrize(
+    ("lengths", "scale", "labels"),
+    [
+        (LENGTHS, "log", ["0.25", "0.5", "1", "2"]),
+        ([0.25, 0.336475, 0.452862, 0.609507], "log", ["0.25", "0.336", "0.453", "0.61"]),
+        ([0.5, 1.0, 1.5, 2.0], "linear", ["0.5", "1", "1.5", "2"]),
+        ([0.5, 0.50001, 1.0, 1.5], "linear", ["0.5", "1", "1.5"]),
+    ],
+)
+def test_an_axis_of_values_has_plain_numbers_that_do_not_touch(lengths, scale, labels):
+    upper, lower = drawn(plots.plot_sweep(swept("ndp", lengths, *ALL_SUCCEED))).axes
+    assert upper.get_xscale() == lower.get_xscale() == scale
+    assert lower.get_xlabel() == "half_length [m]"
+    assert tick_labels(lower.xaxis) == labels
+    assert {len(set(axes.get_xlim())) for axes in (upper, lower)} == {2}
+    assert upper.get_xlim() == lower.get_xlim()
+    boxes = [label.get_window_extent() for label in lower.get_xticklabels()]
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+
+
+def test_the_legend_of_a_sweep_names_each_learner_once_and_hollow_marks():
+    learned = [*swept("ndp", [1, 2], (3,), (4,)), *swept("random-search", [1, 2], (3,), (4,))]
+    assert labels_of(plots.plot_sweep(learned)) == ["NDP", "Random search"]
+    learned += swept("q-learning", [1, 2], (3,), (0,))
+    assert labels_of(plots.plot_sweep(learned))[-1] == "some runs failed"
+
+
+def test_other_differences_of_a_sweep_have_panels_of_their_own():
+    task = {"parameters": {"half_length": 3, "force": 5}}
+    learned = [
+        *swept("ndp", [1, 2], (3,), (4,), steps=300),
+        *swept("ndp", [1, 2], (3,), (4,), steps=300, noise="sensor-5"),
+        (make_case("ndp", steps=300, **task), results_of(1)),  # a task of its own, with one value
+    ]
+    figure = plots.plot_sweep(learned, "half_length")
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["Without noise", "5 % sensor noise", "", ""]
+    texts = figure.axes[0].texts[0].get_text().splitlines()
+    assert texts == ["force=10", "1 run each, with 95 % intervals"]
+    assert figure.get_suptitle() == "Trials to success over half_length, success after 300 steps"
+    with pytest.raises(
+        UprightError, match=r"^no task has runs at several values of force; upright"
+    ):
+        plots.plot_sweep(learned, "force")
+
+
+@pytest.mark.parametrize(
+    "learned",
+    [
+        pytest.param(swept("ndp", [1, 2], (0,), (0,)), id="all failed"),
+        pytest.param(swept("ndp", [1, 2], (1,), (1,)), id="first trials"),
+        pytest.param(
+            [
+                entry
+                for steps in range(1, 4)
+                for entry in swept("ndp", [1e-3, 1, 1e3], *[(1, 900)] * 3, steps=steps)
+            ],
+            id="three tasks",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_extreme_sweeps_can_be_drawn_without_a_warning(learned, tmp_path):
+    plots.save(plots.plot_sweep(learned), tmp_path / "picture.svg")
+    assert (tmp_path / "picture.svg").stat().st_size > 10_000
 
 
 # Whatever there can be

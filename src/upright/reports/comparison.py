@@ -13,6 +13,7 @@ from upright.core.trials import Result
 from upright.errors import UprightError, require_one_of
 from upright.reports.notebook import displayed, html_table
 from upright.reports.statistics import Row, summarise
+from upright.reports.sweeps import sizes, swept
 from upright.reports.tables import study_table, to_text
 from upright.studies.case import Case, make_case
 from upright.studies.columns import RESULT, TRIAL
@@ -20,6 +21,7 @@ from upright.studies.progress import study_with_progress
 from upright.studies.records import describe_case, make_frame
 from upright.studies.store import Store
 from upright.studies.study import check_study, study
+from upright.support.settings import combinations, require_few_cases
 from upright.support.words import count
 
 if TYPE_CHECKING:
@@ -31,10 +33,10 @@ GUESSING = "random-search"
 WORDS = ("Agent", "Settings", "Noise", "Task")
 """Columns of the table that hold words."""
 COLUMNS = ("agent", "settings", "noise", "seed", "run")
-"""Columns of frames that say which run it is; in all others, the runs of a comparison agree."""
+"""Columns of frames that say which run it is; those of parameters that differ follow."""
 MEASURED = {"run": tuple(RESULT), "trial": tuple(TRIAL)}
 """The other columns of frames with a row for each run, or for each trial."""
-PLOTS = ("trials", "curves")
+PLOTS = ("trials", "curves", "sweep")
 """What can be drawn."""
 
 
@@ -77,7 +79,7 @@ class Comparison:
             of them together, the `longest_trial` in steps, and the computing time in `seconds`.
             "trial" for a row for each trial: its number `trial`, from 1, the `steps` that it
             lasted, and whether it ended with the pole `fallen`. Before these stand `agent`,
-            `settings`, `noise`, `seed` and `run`.
+            `settings`, `noise`, `seed` and `run`, and the parameters of the plant that differ.
 
         Raises
         ------
@@ -92,22 +94,34 @@ class Comparison:
             )
             for result in results
         )
-        return make_frame(runs, each, COLUMNS + MEASURED[each])
+        return make_frame(
+            runs, each, (*COLUMNS, *swept(case.spec for case in self.results), *MEASURED[each])
+        )
 
-    def plot(self, kind: str = "trials") -> "Figure":
+    def plot(self, kind: str = "trials", parameter: str | None = None) -> "Figure":
         """Draw the runs.
 
         Parameters
         ----------
         kind
-            "trials" for the fraction of runs that succeeded within a number of trials, or "curves"
-            for the learning curve of every run and of the median.
+            "trials" for the fraction of runs that succeeded within a number of trials, "curves" for
+            the learning curve of every run and of the median, or "sweep" for mean trials and
+            success rate over a parameter of the plant that has several values.
+        parameter
+            That parameter, if several differ.
+
+        Raises
+        ------
+        UprightError
+            If there is no such kind, or no such sweep.
         """
-        from upright.reports.plots import plot_curves, plot_trials  # imported late: it is slow
+        from upright.reports import plots  # imported late: it is slow
 
         require_one_of("kind", kind, PLOTS)
-        draw = plot_curves if kind == "curves" else plot_trials
-        return displayed(draw([(case, list(results)) for case, results in self.results.items()]))
+        learned = [(case, list(results)) for case, results in self.results.items()]
+        if kind == "sweep":
+            return displayed(plots.plot_sweep(learned, parameter))
+        return displayed((plots.plot_curves if kind == "curves" else plots.plot_trials)(learned))
 
     def __str__(self) -> str:
         return to_text(self.rows)
@@ -115,8 +129,11 @@ class Comparison:
     def __repr__(self) -> str:
         agents = dict.fromkeys(case.name for case in self.results)
         noises = dict.fromkeys(case.spec.noise for case in self.results)
+        tasks = [case.spec for case in self.results]
+        values = [(name, len({sizes(task)[name] for task in tasks})) for name in swept(tasks)]
         runs = count(max(map(len, self.results.values())), "run")
-        return f"Comparison({', '.join(agents)}; {', '.join(noises)}; {runs} each)"
+        parts = [", ".join(agents), ", ".join(noises), *(f"{n} of {name}" for name, n in values)]
+        return f"Comparison({'; '.join(parts)}; {runs} each)"
 
     def _repr_html_(self) -> str:
         table = study_table(self.rows)
@@ -160,7 +177,8 @@ def compare(
         Whether to show a progress bar, in a terminal or a notebook.
     **task
         Other parts of the task by name, as `make_case` takes them: `start`, `steps`, `trials`,
-        `condition`, `plant` and others.
+        `condition`, `plant` and others. Each of the `parameters` may be a number or several, as
+        ``{"half_length": [0.25, 0.5, 1]}``: every combination of them is measured.
 
     Returns
     -------
@@ -182,16 +200,27 @@ def compare(
     Agent ...
     >>> compared.frame().groupby("agent")["success"].mean()["reinforce"].item()
     1.0
+
+    A sweep has several values of a parameter, and its plot shows trials over them:
+
+    >>> lengths = upright.compare("q-learning", runs=5, steps=300, progress=False,
+    ...                           parameters={"half_length": [0.25, 0.5, 1.0]})
+    >>> lengths
+    Comparison(q-learning, random-search; none; 3 of half_length; 5 runs each)
+    >>> figure = lengths.plot("sweep")
     """
     check_study(runs, seed)
     if "noise" in task:
         raise UprightError(f"noise is {task['noise']!r}; compare takes noises, one or several")
+    tasks = _all_tasks(task)
     cases = [
-        make_case(agent, settings, noise=noise, **task)
+        make_case(agent, settings, noise=noise, **each)
         for agent in _all_agents(agents, guessing)
+        for each in tasks
         for noise in _all_noises(noises)
     ]
     cases = list(dict.fromkeys(cases))
+    require_few_cases(len(cases))
     with nullcontext(store) if isinstance(store, Store) else Store(store) as opened:
         make = study_with_progress if progress else study
         return Comparison(make(cases, runs, seed, opened), seed)
@@ -201,6 +230,24 @@ def _all_agents(agents: Any, guessing: bool) -> list[AnyAgent]:
     is_one = isinstance(agents, str) or callable(agents) or not isinstance(agents, Iterable)
     several = [agents] if is_one else [*agents]
     return several + [GUESSING] * (guessing and GUESSING not in several)
+
+
+def _all_tasks(task: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the parts of each task where parameters may have several values."""
+    given = task.get("parameters")
+    if not isinstance(given, Mapping):
+        return [task]
+    every = combinations({name: _several(name, value) for name, value in given.items()})
+    return [task | {"parameters": chosen} for chosen in every]
+
+
+def _several(name: str, value: Any) -> list[Any]:
+    """Return the values that are given for a parameter: a number, or several, also as an array."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    several = [*value] if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    if not several:
+        raise UprightError(f"{name} is {value!r}; it must be a number, or several")
+    return several
 
 
 def _all_noises(noises: str | Iterable[str]) -> list[str]:

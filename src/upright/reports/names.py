@@ -1,7 +1,7 @@
 """Names in words, for titles and legends: of agents, noise cases, tasks and cases."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from upright.core.conditions import NOISES, TRIALS, noise_of
 from upright.core.parameters import changed_parameters
@@ -60,8 +60,13 @@ def noise_rank(noise: str) -> tuple[int, str]:
     return (names.index(noise), "") if noise in names else (len(names), noise)
 
 
-def task_name(task: TaskSpec) -> str:
+def task_name(task: TaskSpec, apart: Collection[str] = ()) -> str:
     """Return what a task has besides its noise that is not usual; empty if there is nothing.
+
+    Parameters
+    ----------
+    apart
+        Names of parameters of the plant that are not to be named.
 
     Examples
     --------
@@ -73,7 +78,8 @@ def task_name(task: TaskSpec) -> str:
     parts += [f"condition {task.condition}"] if task.condition != USUAL.condition else []
     parts += [f"at most {count(task.trials, 'trial')}"] if task.trials != TRIALS else []
     changed = changed_parameters(task.parameters)
-    return ", ".join([*parts, *(f"{name}={value:g}" for name, value in changed.items())])
+    parts += [f"{name}={value:g}" for name, value in changed.items() if name not in apart]
+    return ", ".join(parts)
 
 
 def shared_task_name(tasks: Iterable[TaskSpec]) -> str:

@@ -6,6 +6,7 @@ from upright.reports.plots.distributions import plot_trials
 from upright.reports.plots.phases import plot_phases, trajectory
 from upright.reports.plots.policies import plot_policies
 from upright.reports.plots.style import FORMATS, Learned, check_picture, save
+from upright.reports.plots.sweep import plot_sweep
 
 __all__ = [
     "FORMATS",
@@ -16,6 +17,7 @@ __all__ = [
     "plot_curves",
     "plot_phases",
     "plot_policies",
+    "plot_sweep",
     "plot_trials",
     "save",
     "trajectory",
