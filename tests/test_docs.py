@@ -147,3 +147,20 @@ def test_the_page_on_data_tests_two_agents_in_ten_lines():
     page = (ROOT / "docs/data.md").read_text()
     (block,) = re.findall(r"^Ten lines .*\n\n```python\n((?:.*\n)*?)```", page, re.MULTILINE)
     assert len(block.splitlines()) == 10
+
+
+def test_the_agents_page_quotes_its_recorded_sweep():
+    page = (ROOT / "docs/agents.md").read_text()
+    rows = recorded_rows(ROOT / "docs/results/sweep.json")
+    assert len(rows) == 3 * 8
+    assert {row.runs for row in rows} == {20}
+    by = {(row.agent, row.task.parameters.half_length): row for row in rows}
+    lqr = [row for (agent, length), row in by.items() if agent == "adaptive-lqr" and length < 2]
+    assert {row.mean_trials for row in lqr} == {1.0}
+    last = {row.agent: row for row in rows if row.task.parameters.half_length == 2}
+    words = " ".join(page.split())
+    assert max(row.task.parameters.half_length for row in lqr) == pytest.approx(1.49, abs=0.005)
+    assert f"then needs {last['adaptive-lqr'].mean_trials:.0f}, and" in words
+    learner = last["q-learning"]
+    assert f"{learner.mean_trials:.0f} in the {100 * learner.success_rate:.0f} %" in words
+    assert f"random guessing needs {last['random-search'].mean_trials:.0f};"[:-1] in words
