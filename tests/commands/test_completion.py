@@ -65,7 +65,7 @@ CASES = {
     "rep": "reproduce",
     "learn reinf": "learn reinforce",
     "learn reinforce --noi": "learn reinforce --noise",
-    "learn reinforce --noise act\t1": "learn reinforce --noise actuator-10",
+    "learn reinforce --noise act\t-1": "learn reinforce --noise actuator-10",
     "learn reinforce --plant muj": "learn reinforce --plant mujoco",
     "table --agents ran": "table --agents random-search",
     "table --agents q-learning,reinf": "table --agents q-learning,reinforce",

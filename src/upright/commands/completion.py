@@ -34,7 +34,7 @@ LISTS: dict[str, Collection[str]] = {
     "AGENTS": AGENTS,
     "CASES": ("all", *NOISES),
     "NOISE": (*NOISES, *written(NOISE_TERMS)),
-    "CONDITION": (*CONDITIONS, *written(CONDITION_TERMS)),
+    "TERMS": (*CONDITIONS, *written(CONDITION_TERMS)),
 }
 """Metavariables of names with commas between, and the names."""
 

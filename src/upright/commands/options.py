@@ -74,7 +74,7 @@ TASK: dict[str, dict[str, Any]] = {
     ),
     "--condition": {
         "default": "nominal",
-        "metavar": "CONDITION",
+        "metavar": "TERMS",
         "help": f"what else differs from the published task: {', '.join(CONDITIONS)}; or terms, "
         "such as delay=1,encoder=1024 (see upright terms) (default: %(default)s)",
     },

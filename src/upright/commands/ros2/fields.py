@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from upright.commands.options import LABELS, add
+from upright.commands.options import LABELS, TASK, add
 from upright.commands.parser import Parser, as_number, as_whole
 from upright.core.conditions import STARTS
 from upright.errors import UprightError
@@ -53,6 +53,9 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
             form |= {"choices": NAMES[name], "metavar": "NAME"}
             # The names that a text lists are these.
             described = f"{text.partition(':')[0].rstrip('.')}: %(choices)s"
+        elif name == "noise":
+            form["metavar"] = TASK["--noise"]["metavar"]
+            described = TASK["--noise"]["help"].removesuffix(" (default: %(default)s)")
         elif name in FILES:
             form |= {"metavar": "FILE"}
         elif isinstance(default, bool):
