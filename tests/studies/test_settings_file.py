@@ -6,9 +6,10 @@ import pytest
 from upright.agents import AGENTS
 from upright.commands import run
 from upright.errors import UprightError
-from upright.studies.settings_file import LARGEST, read_settings, settings_text
+from upright.studies.settings_file import read_settings, settings_text
 from upright.support.exit_status import BAD_USE
 from upright.support.settings import values_of, with_values
+from upright.support.toml_file import LARGEST
 
 
 @pytest.mark.parametrize(
@@ -70,6 +71,23 @@ def test_a_file_that_is_not_one_of_settings_is_refused_by_its_name(
         read_settings("mine.toml")
     assert run(["learn", "q-learning", "--settings-file", "mine.toml"]) == BAD_USE
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (
+            Q + "[settings]\n\nlearning_rate = 2\n",
+            "line 4, settings.learning_rate: learning_rate is",
+        ),
+        (Q + "colour = 1\n[settings]\n", "line 2, colour: key is 'colour'"),
+        ("\nagent = 'q-lerning'\n[settings]\n", "line 2, agent: agent is 'q-lerning'"),
+    ],
+)
+def test_an_error_names_the_line_and_the_key(content, said, tmp_path):
+    (tmp_path / "mine.toml").write_text(content)
+    with pytest.raises(UprightError, match=f"mine.toml'; {said}"):
+        read_settings(tmp_path / "mine.toml")
 
 
 def test_only_toml_is_read(tmp_path):

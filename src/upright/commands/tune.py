@@ -79,7 +79,6 @@ def run(options: argparse.Namespace) -> int:
 def _tune(options: argparse.Namespace) -> int:
     from upright.studies.progress import search_with_progress, study_with_progress
     from upright.studies.search_space import search_space
-    from upright.studies.settings_file import check_settings_output
     from upright.studies.study import check_study
     from upright.studies.tuning import (
         Search,
@@ -90,10 +89,11 @@ def _tune(options: argparse.Namespace) -> int:
         validate,
     )
     from upright.support.files import write_file
+    from upright.support.toml_file import check_toml_output
 
     require_optuna()
     if options.output:
-        check_settings_output(options.output)
+        check_toml_output(options.output)
     cases = tuple(case_of(options, noise=noise) for noise in noises_of(options))
     fixed = changes_by_agent(options.changes, [options.agent])[options.agent]
     space = search_space(cases[0].settings, options.search, list(fixed))

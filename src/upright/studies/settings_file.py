@@ -11,22 +11,16 @@ A file may leave out settings. It may come from anyone, so every name and value 
 size is bounded.
 """
 
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from upright.agents import AGENTS, Settings
-from upright.errors import UprightError, require_one_of
+from upright.errors import require_one_of
 from upright.studies.case import refuse_settings_of_custom
-from upright.support.files import check_output
 from upright.support.settings import values_of, with_values
+from upright.support.toml_file import read_toml, toml_value
 
-SUFFIX = ".toml"
-"""How the name of a file of settings ends."""
-LARGEST = 10**6
-"""Most bytes that a file of settings may have."""
 PARTS = ("agent", "settings", "found")
 """What a file of settings has."""
 
@@ -50,50 +44,24 @@ def read_settings(path: Path | str) -> SettingsFile:
     UprightError
         If there is no such file, it is not a file of settings, or a name or value is not allowed.
     """
-    path = Path(path)
-    try:
-        content = _content(path)
-        for part in content:
-            require_one_of("key", part, PARTS)
-        agent, values = content.get("agent"), content.get("settings")
-        if not isinstance(agent, str) or not isinstance(values, dict):
-            raise UprightError("it must have the key agent and the table [settings]")
-        AGENTS.check(agent)
-        refuse_settings_of_custom(agent)
-        with_values(AGENTS.default(agent), values)
-    except UprightError as error:
-        raise UprightError(f"settings file is {str(path)!r}; {error}") from None
-    return SettingsFile(path.name, agent, values)
+    file = read_toml(path, "settings file")
+    file.checked(_check_parts, file.content)
+    agent, values = file.content.get("agent"), file.content.get("settings")
+    if not isinstance(agent, str) or not isinstance(values, dict):
+        raise file.error("it must have the key agent and the table [settings]")
+    file.checked(_check_agent, {"agent": agent})
+    file.checked(lambda some: with_values(AGENTS.default(agent), some), values, "settings")
+    return SettingsFile(file.path.name, agent, values)
 
 
-def _content(path: Path) -> dict[str, Any]:
-    require_one_of("its ending", path.suffix, (SUFFIX,))
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise UprightError(f"it is larger than {LARGEST:,} bytes")
-        return tomllib.loads(data.decode())
-    except FileNotFoundError:
-        raise UprightError("no such file") from None
-    except OSError as error:
-        raise UprightError(f"it cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # not TOML, or not UTF-8
-        if isinstance(error, UprightError):
-            raise
-        raise UprightError(f"it is not TOML: {error}") from None
+def _check_parts(content: Mapping[str, Any]) -> None:
+    for part in content:
+        require_one_of("key", part, PARTS)
 
 
-def check_settings_output(path: Path | str) -> None:
-    """Check that a file of settings can later be written to this path.
-
-    Raises
-    ------
-    UprightError
-        If it cannot, or its name does not end in `SUFFIX`.
-    """
-    require_one_of(f"the ending of {str(path)!r}", Path(path).suffix, (SUFFIX,))
-    check_output(path)
+def _check_agent(content: Mapping[str, Any]) -> None:
+    AGENTS.check(content["agent"])
+    refuse_settings_of_custom(content["agent"])
 
 
 def settings_text(agent: str, settings: Settings, found: Mapping[str, Any]) -> str:
@@ -110,20 +78,12 @@ def settings_text(agent: str, settings: Settings, found: Mapping[str, Any]) -> s
     """
     lines = [
         "# Settings for the option --settings-file of upright learn, table and tune.",
-        f"agent = {_toml(agent)}",
+        f"agent = {toml_value(agent)}",
         "",
         "[settings]",
-        *(f"{name} = {_toml(value)}" for name, value in values_of(settings).items()),
+        *(f"{name} = {toml_value(value)}" for name, value in values_of(settings).items()),
         "",
         "[found]",
-        *(f"{name} = {_toml(value)}" for name, value in found.items()),
+        *(f"{name} = {toml_value(value)}" for name, value in found.items()),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (tuple, list)):
-        return f"[{', '.join(map(_toml, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
