@@ -344,6 +344,52 @@ def test_a_store_of_another_rule_is_refused(tmp_path, monkeypatch):
         search(wanted(), 2, tmp_path / "tune")
 
 
+RACE = """
+import sys
+from pathlib import Path
+from upright.studies import tuning
+from upright.studies.case import make_case
+from upright.studies.search_space import search_space
+
+me, other = sys.argv[1:]
+case = make_case("random-search", steps=300, trials=60)
+plan = tuning.Search((case,), tuple(search_space(case.settings, ())), 1, 0)
+tuning.require_optuna()
+for number in range(5):
+    Path(f"{number}-{me}").touch()
+    while not Path(f"{number}-{other}").exists():
+        pass
+    with tuning._opened(plan, f"{number}.sqlite") as optuna_study:
+        assert optuna_study.user_attrs["upright"] == plan.key()
+"""
+
+
+@pytest.mark.slow
+def test_two_searches_that_begin_at_the_same_moment_share_a_store(tmp_path):
+    lines = [[sys.executable, "-c", RACE, *names] for names in ("ab", "ba")]
+    started = [
+        subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True) for line in lines
+    ]
+    try:
+        errors = [process.communicate(timeout=100)[1] for process in started]
+    finally:
+        for process in started:
+            process.kill()
+    assert errors == ["", ""]
+    stores = {f"{number}.sqlite" for number in range(5)}
+    assert {path.name for path in tmp_path.iterdir() if "-" not in path.name} == stores
+
+
+def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tuning, "_check_same", fail)
+    with pytest.raises(KeyboardInterrupt):
+        search(wanted(), 1, tmp_path / "tune")
+    assert not list(tmp_path.iterdir())
+
+
 def test_files_that_are_no_search_are_refused_and_left_alone(tmp_path):
     (tmp_path / "text").write_text("not a database")
     with Store(tmp_path / "runs") as store:

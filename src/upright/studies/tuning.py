@@ -37,6 +37,7 @@ from upright.studies.search_space import Range
 from upright.studies.settings_file import settings_text
 from upright.studies.store import Store
 from upright.studies.study import study
+from upright.support.files import creating
 from upright.support.interrupts import hold_interrupts
 from upright.support.settings import as_options, changed_values
 from upright.support.words import count
@@ -235,21 +236,33 @@ def _sampler(seed: int, finished: int) -> Any:
 @contextmanager
 def _opened(plan: Search, path: Path | str) -> Iterator[Any]:
     """Open a store, which is new or holds the same search; yield Optuna's study."""
+    _check_store(path)
+    if not Path(path).exists():
+        with creating(path) as part, _opened_study(part, path) as optuna_study:
+            _check_same(plan, optuna_study, path)
+    with _opened_study(Path(path), path) as optuna_study:
+        _check_same(plan, optuna_study, path)
+        yield optuna_study
+
+
+@contextmanager
+def _opened_study(file: Path, path: Path | str) -> Iterator[Any]:
+    """Yield the study of Optuna that a file holds, or a new one in it; errors name the path.
+
+    Optuna creates its tables one by one, and fails if another process does so in the same file.
+    """
     import optuna
     from sqlalchemy.exc import SQLAlchemyError
 
-    _check_store(path)
     storage = None
     try:
-        storage = optuna.storages.RDBStorage(f"sqlite:///{path}", {"connect_args": {"timeout": 60}})
-        optuna_study = optuna.create_study(
+        storage = optuna.storages.RDBStorage(f"sqlite:///{file}", {"connect_args": {"timeout": 60}})
+        yield optuna.create_study(
             storage=storage,
             study_name="upright",
             load_if_exists=True,
             pruner=optuna.pruners.MedianPruner(),
         )
-        _check_same(plan, optuna_study, path)
-        yield optuna_study
     except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         why = str(error).splitlines()[0]
         raise UprightError(f"store is {str(path)!r}; it cannot be used: {why}") from None

@@ -57,18 +57,48 @@ def replacing(path: Path | str) -> Iterator[Path]:
     UprightError
         If the file cannot be written.
     """
+    with _part_of(path) as part:
+        yield part
+        with _explained(Path(path)):
+            os.replace(part, path)
+
+
+@contextmanager
+def creating(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary file beside `path`, which becomes it if the block raises nothing.
+
+    If another process has made `path` in the meantime, its file stays and the temporary one goes:
+    of several processes that begin at the same moment, all find the same file, and a whole one.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be written.
+    """
+    with _part_of(path) as part:
+        yield part
+        with _explained(Path(path)):
+            try:
+                os.link(part, path)
+            except FileExistsError:
+                return
+            except OSError:  # a disk that has no links
+                if not Path(path).exists():
+                    os.replace(part, path)
+
+
+@contextmanager
+def _part_of(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary file beside `path`, and remove it at the end if it still has its name."""
     path = check_output(path)
     with _explained(path):
         handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}.", path.parent)
-    os.close(handle)
+        os.close(handle)
+        os.chmod(name, 0o644)
     try:
         yield Path(name)
-        with _explained(path):
-            os.chmod(name, 0o644)
-            os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+    finally:
+        Path(name).unlink(missing_ok=True)
 
 
 @contextmanager
