@@ -103,9 +103,12 @@ class Registry(Mapping[str, str], Generic[S]):
             return import_module(self.built_in[name])
         try:
             return import_module(self[name])
-        except (ImportError, SyntaxError) as error:
+        except Exception as error:  # the module's own code may raise anything
+            explained = isinstance(error, (ImportError, SyntaxError))
+            why = str(error) if explained else f"{type(error).__name__}: {error}"
             raise UprightError(
-                f"{self.kind} is {name!r}; its module {self[name]!r} cannot be imported: {error}"
+                f"{self.kind} is {name!r}; its module {self[name]!r} cannot be imported: "
+                f"{' '.join(why.split())}"
             ) from error
 
     def settings(self, name: str) -> dict[str, S]:
