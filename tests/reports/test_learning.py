@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 from helpers import ROOT
 
@@ -27,6 +29,13 @@ def test_in_a_run_that_fails_every_trial_ends_in_a_fall():
     assert (
         upright.learn("q-learning", steps=5000, trials=2).frame()["fallen"].tolist() == [True] * 2
     )
+
+
+def test_settings_are_named_or_changed():
+    policy, _ = upright.learn("random-search", {"x_scale": 2}, steps=300, seed=3)
+    assert policy.settings == replace(upright.AGENTS.default("random-search"), x_scale=2.0)
+    with pytest.raises(upright.UprightError, match="settings is 3; it must be one of default"):
+        upright.learn("random-search", 3)
 
 
 def test_it_is_drawn_and_a_notebook_shows_the_figure(learned):

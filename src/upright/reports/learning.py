@@ -1,5 +1,6 @@
 """One run from Python: `learn`, and what it returns."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.core.contracts import AnyAgent
@@ -82,7 +83,12 @@ class Learned(NamedTuple):
 
 
 def learn(
-    agent: AnyAgent, settings: str = "default", *, seed: int = 0, run: int = 0, **task: Any
+    agent: AnyAgent,
+    settings: str | Mapping[str, Any] = "default",
+    *,
+    seed: int = 0,
+    run: int = 0,
+    **task: Any,
 ) -> Learned:
     """Train a new agent until a trial succeeds, and return what it learned.
 
@@ -92,7 +98,8 @@ def learn(
         Name of an agent in `AGENTS`, or ``module:name`` of a custom one; or a class or function
         which returns an agent when it is called with the run's random numbers.
     settings
-        Name of its settings: "default" or "as-published".
+        Name of its settings: "default" or "as-published"; or those of the default ones that are to
+        be changed, by name.
     seed, run
         These two numbers determine the result on every machine. The run is the one with the same
         number in a `study` with this seed.
@@ -120,6 +127,11 @@ def learn(
     >>> result.success, result.lengths
     (True, array([2000]))
 
+    Some settings may be changed:
+
+    >>> upright.learn("q-learning", {"learning_rate": 0.3}, steps=300).result.success
+    True
+
     A run that fails also returns what was learned:
 
     >>> policy, result = upright.learn("q-learning", steps=2000, trials=2)
@@ -128,5 +140,6 @@ def learn(
     """
     require("run", run, 0, whole=True)
     check_study(run + 1, seed)
-    case = make_case(agent, settings, **task)
+    chosen = {"settings": settings} if isinstance(settings, Mapping) else {"label": settings}
+    case = make_case(agent, **chosen, **task)
     return Learned(*make_learned(case, seed, run))
