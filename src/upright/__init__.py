@@ -58,7 +58,7 @@ The names
 ---------
 A task
     `TaskSpec` by names, `Task` in numbers; `Parameters`, `State`, `Noise`; `NOISES`, `STARTS`,
-    `CONDITIONS`
+    `CONDITIONS`; `read_task` and `save_task`, files of a task
 Plants and agents
     `PLANTS`, `equations`; `AGENTS`; `compiled`, to make your own agents as fast
 One run
@@ -122,6 +122,8 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.studies.run import make_run as make_run
     from upright.studies.store import Store as Store
     from upright.studies.study import study as study
+    from upright.studies.task_file import read_task as read_task
+    from upright.studies.task_file import save_task as save_task
 
 __version__ = "0.2.0"
 
@@ -149,6 +151,7 @@ _PLACES = {
     "studies.run": ("make_run",),
     "studies.store": ("Store",),
     "studies.study": ("study",),
+    "studies.task_file": ("read_task", "save_task"),
 }
 """Module of each public name, imported when first used: Numba alone takes a second."""
 

@@ -89,6 +89,8 @@ def require(
 def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
     """Raise UprightError unless `value` is one of the allowed names; suggest the closest."""
     allowed = list(allowed)
+    if not allowed:
+        raise UprightError(f"{name} is {value!r}; there is none that could be named here")
     if value not in allowed:
         hint = did_you_mean(value, allowed)
         raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}{hint}")

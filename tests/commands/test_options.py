@@ -322,7 +322,7 @@ def test_a_table_sweeps_settings_and_parameters(tmp_path, monkeypatch, capsys):
     line += " --set random-search.x_scale=2,3 --parameter half_length=0.5,1.0 --store runs.sqlite"
     assert run([*line.split(), "--format", "json"]) == 0
     shown = capsys.readouterr()
-    assert "12 cases of 1 runs each" in shown.err
+    assert "12 cases of 1 run each" in shown.err
     rows = json.loads(shown.out)
     found = [(row["settings"], row["parameters"], row["noise"]) for row in rows]
     assert len(found) == len(set(map(str, found))) == 12

@@ -6,6 +6,7 @@ exit status. A command with others below it is a folder whose `__init__.py` has 
 May import everything.
 """
 
+import argparse
 import os
 import sys
 from collections.abc import Iterable, Sequence
@@ -97,11 +98,28 @@ def run(arguments: Sequence[str]) -> int:
             parser = make_parser([asked])
         else:
             parser = make_parser(listed_only=not any(word in COMMANDS for word in arguments))
-        options = parser.parse(arguments)
+        options = parse(parser, arguments)
         status: int = options.command(options)
         return status
 
     return exit_status(work)
+
+
+def parse(parser: Parser, arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the options of a command line; a file of a task gives the defaults of others.
+
+    Raises
+    ------
+    UprightError
+        If the file of --task cannot be read.
+    """
+    options = parser.parse(arguments)
+    if vars(options).get("task") is not None:
+        from upright.commands.options import defaults_in_file
+
+        options.parser.set_defaults(**defaults_in_file(options.task))
+        options = parser.parse(arguments)
+    return options
 
 
 def make_parser(names: Iterable[str] | None = None, *, listed_only: bool = False) -> Parser:

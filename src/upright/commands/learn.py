@@ -15,9 +15,11 @@ from upright.commands.options import (
     add,
     add_case_options,
     add_plant_options,
+    add_task_file,
     add_task_options,
     case_of,
     plant_of,
+    save_task_of,
     size_of,
     whole,
 )
@@ -32,6 +34,8 @@ examples:
   upright learn reinforce --steps 600000 --save policy.npz
   upright learn q-learning --set learning_rate=0.2 --set discount=0.98
   upright learn reinforce --plant mujoco --plant-set physics_step=0.001
+  upright learn q-learning --parameter half_length=0.3 --save-task my-cart.toml
+  upright learn reinforce --task my-cart.toml       the same task
   upright learn q-learning --window --size 1280     see it learn
   upright learn q-learning --video learning.mp4     the same as a video; needs no display
 {CUSTOM_AGENTS}\
@@ -47,6 +51,7 @@ def add_options(parser: Parser) -> None:
     add(parser, "--seed")
     add_case_options(parser)
     add_plant_options(parser)
+    add_task_file(parser)
     parser.add_argument("--run", **whole(0, "number of the run within its study", "K"))
     parser.add_argument(
         "--twister",
@@ -88,6 +93,7 @@ def _learn(options: argparse.Namespace) -> int:
         from upright.studies.learned import check_learned
 
         check_learned(options.save, case)
+    save_task_of(options, [case])
     memory, result = watch_run(
         case,
         options.seed,

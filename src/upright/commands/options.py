@@ -4,8 +4,9 @@ Allowed names come from where the things themselves stand; help, errors and comp
 """
 
 import argparse
+import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.agents import AGENTS
 from upright.commands.parser import Parser, as_whole
@@ -23,10 +24,12 @@ from upright.errors import UprightError, did_you_mean
 from upright.plants import PLANTS
 from upright.reports.sweeps import heading
 from upright.reports.tables import FORMATS
+from upright.support.settings import as_options
 
 if TYPE_CHECKING:
     from upright.pictures.size import Size
     from upright.plants.settings import PlantSettings
+    from upright.studies.belonging import Belonging
     from upright.studies.case import Case
     from upright.studies.settings_file import SettingsFile
 
@@ -143,6 +146,15 @@ SHARED: dict[str, dict[str, Any]] = {
         "are from (default: as many columns as fit the terminal, or 80 characters where there is "
         "none; the variable COLUMNS sets another width)",
     },
+    "--task": {
+        "metavar": "FILE",
+        "help": "take the task and the plant from this TOML file; other options override what it "
+        "says",
+    },
+    "--save-task": {
+        "metavar": "FILE",
+        "help": "write the task and the plant to this file, which ends in .toml, for --task",
+    },
     "--output": {"metavar": "FILE", "help": "write the table to this file, not to the screen"},
     "policy": {
         "metavar": "POLICY",
@@ -154,6 +166,23 @@ SHARED: dict[str, dict[str, Any]] = {
     },
 }
 """Other arguments that several commands have."""
+
+
+class Named(NamedTuple):
+    """An option that gives values to names: --FLAG NAME=VALUE."""
+
+    flag: str
+    """The option."""
+    dest: str
+    """Where its texts are in the options of a command."""
+
+
+NAMED = {
+    "parameter": Named("--parameter", "parameters"),
+    "plant": Named("--plant-set", "plant_changes"),
+    "agent": Named("--set", "changes"),
+}
+"""The options that give values to names, by what the names are (`studies.belonging`)."""
 
 
 PICTURES: dict[str, dict[str, Any]] = {
@@ -199,11 +228,62 @@ def add_task_options(
         parser.add_argument(name, **form)
 
 
+def add_task_file(parser: Parser) -> None:
+    """Add the options --task, whose file gives the defaults of others, and --save-task."""
+    add(parser, "--task", "--save-task")
+
+
+def defaults_in_file(path: str) -> dict[str, Any]:
+    """Return the defaults of options that a file of a task gives, and all it says as `in_file`.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be read.
+    """
+    from upright.studies.task_file import read_task
+
+    task = read_task(path)
+    defaults = {name: value for name, value in task.items() if name != "parameters"}
+    if "plant" in task:
+        defaults["plant"] = task["plant"].name
+    if "noise" in task:
+        defaults["noises"] = [task["noise"]]
+    return defaults | {"in_file": task}
+
+
+def save_task_of(options: argparse.Namespace, cases: "Sequence[Case]") -> None:
+    """Write the task that cases share to the file that --save-task names, if it is given.
+
+    Raises
+    ------
+    UprightError
+        If they have several tasks, or the file cannot be written.
+    """
+    if options.save_task is None:
+        return
+    from upright.studies.task_file import save_task
+
+    tasks = {(case.spec, case.plant) for case in cases}
+    if len(tasks) > 1:
+        why = f"a file holds one task, and these options ask for {len(tasks)}"
+        raise UprightError(f"--save-task is {options.save_task!r}; {why}")
+    save_task(options.save_task, cases[0])
+    print(f"task: {options.save_task}", file=sys.stderr)
+
+
 def task_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return the parts of the task that the options of `add_task_options` ask for, by name."""
     task = _parts_of_task(options)
-    if changes := vars(options).get("parameters"):
-        task["parameters"] = parse_parameters(changes, "--parameter")
+    texts = vars(options).get("parameters") or []
+    _refuse_misplaced("parameter", texts, options)
+    changed = in_file(options).get("parameters", {}) | parse_parameters(texts, "--parameter")
+    return task | ({"parameters": changed} if changed else {})
+
+
+def in_file(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the file of --task says, as `read_task` returned it; nothing without a file."""
+    task: dict[str, Any] = vars(options).get("in_file", {})
     return task
 
 
@@ -211,6 +291,7 @@ def tasks_of(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the parts of each task where --parameter may ask for several: as `task_of`."""
     from upright.support.settings import combinations, numbers_in, pairs
 
+    _refuse_misplaced("parameter", options.parameters, options)
     values = {
         name: [
             parse_parameters([f"{name}={value}"], "--parameter")[name]
@@ -219,7 +300,8 @@ def tasks_of(options: argparse.Namespace) -> list[dict[str, Any]]:
         for name, text in pairs("--parameter", options.parameters)
     }
     task = _parts_of_task(options)
-    return [task | {"parameters": chosen} for chosen in combinations(values)]
+    usual = in_file(options).get("parameters", {})
+    return [task | {"parameters": usual | chosen} for chosen in combinations(values)]
 
 
 def _parts_of_task(options: argparse.Namespace) -> dict[str, Any]:
@@ -244,8 +326,62 @@ def plant_of(options: argparse.Namespace) -> "PlantSettings":
     """
     from upright.support.settings import change_settings, pairs
 
+    _refuse_misplaced("plant", options.plant_changes, options)
     changes = dict(pairs("--plant-set", options.plant_changes))
-    return change_settings(PLANTS.default(options.plant), changes)
+    plant: PlantSettings | None = in_file(options).get("plant")
+    if plant is None or plant.name != options.plant:
+        plant = PLANTS.default(options.plant)
+    return change_settings(plant, changes)
+
+
+def _refuse_misplaced(
+    kind: str, texts: Sequence[str], options: argparse.Namespace, agents: Sequence[str] = ()
+) -> None:
+    """Raise UprightError if an option is given a name that belongs to another, and name that.
+
+    Parameters
+    ----------
+    kind
+        What the option sets: one of NAMED.
+    texts
+        What it is given: texts of the form NAME=VALUE, or AGENT.NAME=VALUE.
+    options
+        All options of the command.
+    agents
+        Names of the agents.
+    """
+    from upright.studies.belonging import belongings
+
+    plant = vars(options).get("plant", "equations")
+    for text in texts:
+        path, _, value = text.partition("=")
+        name = path.rpartition(".")[2].strip().replace("-", "_")
+        if any(each.kind == kind and each.is_chosen for each in belongings(name, plant, agents)):
+            continue
+        for belonging in belongings(name, plant, agents or _agents_of(options)):
+            if advice := _option_for(belonging, name, value, options):
+                why = f"{name} is {belonging}: {advice}"
+                raise UprightError(f"{NAMED[kind].flag} is {text!r}; {why}")
+
+
+def _option_for(belonging: "Belonging", name: str, value: str, options: argparse.Namespace) -> str:
+    """Return the option to write for a name, or an empty string if the command does not have it."""
+    given = vars(options)
+    if belonging.kind == "task":
+        return f"--{name} {value}" if name in given else ""
+    place = NAMED[belonging.kind]
+    if place.dest not in given:
+        return ""
+    owner = f"{belonging.owner}." if belonging.kind == "agent" and "agents" in given else ""
+    (setting,) = as_options(place.flag, {owner + name: value})
+    is_other = belonging.kind == "plant" and not belonging.is_chosen
+    return f"--plant {belonging.owner} {setting}" if is_other else setting
+
+
+def _agents_of(options: argparse.Namespace) -> list[str]:
+    """Return the agents that a command is given, by name."""
+    given = vars(options)
+    return [given["agent"]] if given.get("agent") else split(given.get("agents") or "")
 
 
 def size_of(options: argparse.Namespace) -> "Size":
@@ -317,6 +453,7 @@ def cases_of(options: argparse.Namespace, agents: Sequence[str], **parts: Any) -
     from upright.studies.settings_file import read_settings
     from upright.support.settings import sweep_settings
 
+    _refuse_misplaced("agent", options.changes, options, agents)
     changes = changes_by_agent(options.changes, agents)
     files = [read_settings(path) for path in options.settings_files]
     _check_files(files, agents)
@@ -374,7 +511,9 @@ def changes_by_agent(texts: Sequence[str], agents: Sequence[str]) -> dict[str, d
 
 
 def noises_of(options: argparse.Namespace) -> list[str]:
-    """Return the noise cases that --noises asks for."""
+    """Return the noise cases that --noises asks for, or else the one of the file of --task."""
+    if not isinstance(options.noises, str):
+        return list(options.noises)
     return list(PUBLISHED_NOISES) if options.noises == "all" else split(options.noises)
 
 

@@ -13,8 +13,11 @@ import argparse
 from upright.commands.options import (
     add,
     add_plant_options,
+    add_task_file,
     add_task_options,
+    in_file,
     plant_of,
+    save_task_of,
     size_of,
     task_of,
 )
@@ -32,6 +35,7 @@ examples:
   upright play policy.json                          written by export, or by another language
   upright play policy.npz --plant mujoco            on another plant
   upright play policy.npz --parameter half_length=1.0   on a longer pole
+  upright play policy.npz --task my-cart.toml       on the task of a file, written by --save-task
 exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.
 """
 
@@ -55,6 +59,7 @@ def add_options(parser: Parser) -> None:
     )
     add(parser, "--seed")
     add_plant_options(parser)
+    add_task_file(parser)
     add(parser, "--window", "--video", "--size")
     add(parser, "--agent")
 
@@ -78,13 +83,14 @@ def _play(options: argparse.Namespace) -> int:
     episodes = episodes if options.episodes is None else options.episodes
     changes = {"steps": steps} | task_of(options)
     policy = load_policy(options.policy, options.agent)
-    if options.plant != "equations" or options.plant_changes:
+    if options.plant != "equations" or options.plant_changes or "plant" in in_file(options):
         changes["plant"] = plant_of(options)
     case = case_for(policy, **changes)
     require("episodes", episodes, 1, 10**6, whole=True)
     check_study(episodes, options.seed)
     if options.video is not None:
         check_video(options.video)
+    save_task_of(options, [case])
     played = watch_play(
         policy,
         case,

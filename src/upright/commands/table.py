@@ -11,10 +11,12 @@ from upright.commands.options import (
     UNITS,
     add,
     add_plant_options,
+    add_task_file,
     add_task_options,
     cases_of,
     noises_of,
     plant_of,
+    save_task_of,
     split,
     tasks_of,
 )
@@ -37,6 +39,7 @@ examples:
   upright table --agents q-learning,random-search --noises none --parameter half_length=0.25:2:8
   upright table --agents q-learning --noises none --parameter cart_mass=0.1:10:5:log --runs 20
   upright table --agents q-learning,random-search --settings-file tuned.toml
+  upright table --task my-cart.toml                written by hand, or by --save-task
   upright table --format json --output table.json
 {CUSTOM_AGENTS}\
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
@@ -72,6 +75,7 @@ def add_options(parser: Parser) -> None:
         "is measured. AGENT. may be left out where there is one agent",
     )
     add_plant_options(parser)
+    add_task_file(parser)
     add_measuring_options(parser)
 
 
@@ -96,6 +100,7 @@ def run(options: argparse.Namespace) -> int:
         require_few_cases(len(starts) * len(tasks) * len(noises))
         specs = [TaskSpec.from_data(task | {"noise": noise}) for task in tasks for noise in noises]
         cases = [replace(start, spec=spec) for start in starts for spec in specs]
+        save_task_of(options, cases)
         return measure(cases, options, is_sweep=len(starts) > len(agents) or len(tasks) > 1)
 
 
@@ -121,6 +126,7 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
     from upright.studies.store import Store
     from upright.studies.study import check_study
     from upright.support.files import check_output
+    from upright.support.words import count
 
     check_study(options.runs, options.seed)
     if options.output:
@@ -128,7 +134,8 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
     cases = list(dict.fromkeys(cases))  # a sweep may give the same value twice
     with Store(options.store) as store, telling_what_is_kept(options.store):
         if is_sweep:
-            print(f"{len(cases)} cases of {options.runs} runs each", file=sys.stderr)
+            size = f"{count(len(cases), 'case')} of {count(options.runs, 'run')} each"
+            print(size, file=sys.stderr)
         study_with_progress(cases, options.runs, options.seed, store)
         rows = summarise_all(cases, options.runs, options.seed, store)
     put_table(rows, options)

@@ -16,10 +16,14 @@ from upright.commands.options import (
     CUSTOM_AGENTS,
     add,
     add_case_options,
+    add_plant_options,
+    add_task_file,
     add_task_options,
     case_of,
     changes_by_agent,
     noises_of,
+    plant_of,
+    save_task_of,
     whole,
 )
 from upright.commands.parser import Parser
@@ -32,6 +36,7 @@ examples:
   upright tune ase-ace --settings as-published --set mirrored=True --noises all --runs 20
   upright tune reinforce --candidates 300             (after the first: 200 more)
   upright tune q-learning --output tuned.toml
+  upright tune q-learning --task my-cart.toml         for the task of a file
   upright table --agents q-learning,random-search --settings-file tuned.toml
 {CUSTOM_AGENTS}"""
 
@@ -42,6 +47,8 @@ def add_options(parser: Parser) -> None:
     add(parser, "--noises", default="none,actuator-10,gaussian-0.2")
     add_task_options(parser, ("--start", "--condition", "--steps", "--trials", "--parameter"))
     add_case_options(parser)
+    add_plant_options(parser)
+    add_task_file(parser)
     parser.add_argument(
         "--search",
         action="append",
@@ -94,11 +101,13 @@ def _tune(options: argparse.Namespace) -> int:
     require_optuna()
     if options.output:
         check_toml_output(options.output)
-    cases = tuple(case_of(options, noise=noise) for noise in noises_of(options))
+    plant = plant_of(options)
+    cases = tuple(case_of(options, noise=noise, plant=plant) for noise in noises_of(options))
     fixed = changes_by_agent(options.changes, [options.agent])[options.agent]
     space = search_space(cases[0].settings, options.search, list(fixed))
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)
+    save_task_of(options, cases)
     store = options.store or place_for(options.agent)
     with telling_what_is_kept(store, "finished candidates"):
         found = search_with_progress(wanted, options.candidates, store)

@@ -30,6 +30,7 @@ from upright import __version__
 from upright.agents import AGENTS, Settings
 from upright.core.parameters import changed_parameters
 from upright.errors import UprightError, require, require_module
+from upright.plants import PLANTS
 from upright.studies.case import Case
 from upright.studies.fingerprint import fingerprint
 from upright.studies.intervals import bootstrap_interval
@@ -467,6 +468,8 @@ def describe(plan: Search, result: SearchResult, compared: Comparison, label: st
     learn += [f"--settings {label}"] if label != "default" else []
     learn += as_options("--set", changed_values(AGENTS.settings(case.agent)[label], settings))
     learn += as_options("--parameter", changed_parameters(case.spec.parameters))
+    learn += [f"--plant {case.plant.name}"] if case.plant.name != "equations" else []
+    learn += as_options("--plant-set", _plant_changes(case))
     same = settings == case.settings
     lines = [
         f"best of {count(result.candidates, 'candidate')} ({result.pruned} pruned), "
@@ -496,6 +499,8 @@ def result_text(plan: Search, result: SearchResult, compared: Comparison) -> str
         "noises": [case.spec.noise for case in plan.cases],
         **{name: task[name] for name in ("start", "condition", "steps", "trials")},
         "parameters": [f"{name}={value}" for name, value in task["parameters"].items()],
+        "plant": plan.cases[0].plant.name,
+        "plant_settings": [f"{n}={value}" for n, value in _plant_changes(plan.cases[0]).items()],
         "fresh_runs": compared.tuned.runs,
         "mean_trials": round(compared.tuned.mean_trials, 3),
         "mean_trials_ci95": [round(end, 3) for end in compared.tuned.ci95],
@@ -505,6 +510,11 @@ def result_text(plan: Search, result: SearchResult, compared: Comparison) -> str
         "gain_ci95": [round(end, 3) for end in compared.gain_ci95],
     }
     return settings_text(plan.cases[0].agent, result.settings, found)
+
+
+def _plant_changes(case: Case) -> dict[str, Any]:
+    """Return the settings of a case's plant that differ from the default ones."""
+    return changed_values(PLANTS.default(case.plant.name), case.plant)
 
 
 def as_python(settings: Settings) -> str:

@@ -9,7 +9,16 @@ program. Q-learning is some hundred times as fast once upright.build_mex() has b
 
 import argparse
 
-from upright.commands.options import add, add_task_options, noises_of, split, task_of
+from upright.commands.options import (
+    add,
+    add_task_file,
+    add_task_options,
+    in_file,
+    noises_of,
+    save_task_of,
+    split,
+    task_of,
+)
 from upright.commands.parser import Parser
 from upright.commands.table import add_measuring_options, measure
 from upright.studies.matlab_twin import AGENTS
@@ -27,6 +36,7 @@ def add_options(parser: Parser) -> None:
     add(parser, "--agents", default=",".join(AGENTS))
     add(parser, "--noises")
     add_task_options(parser, ("--start", "--steps", "--trials"))
+    add_task_file(parser)
     add(parser, "--settings")
     add_measuring_options(parser)
 
@@ -36,11 +46,13 @@ def run(options: argparse.Namespace) -> int:
     from upright.studies.case import make_case
     from upright.studies.matlab_twin import check_seed, find_program
 
+    task = {**in_file(options), **task_of(options), "language": "MATLAB"}
     cases = [
-        make_case(agent, options.settings, noise=noise, language="MATLAB", **task_of(options))
+        make_case(agent, options.settings, **(task | {"noise": noise}))
         for agent in split(options.agents)
         for noise in noises_of(options)
     ]
     check_seed(options.seed)
     find_program()
+    save_task_of(options, cases)
     return measure(cases, options)
