@@ -1,4 +1,5 @@
 import doctest
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -28,6 +29,16 @@ def test_a_sweep_has_every_combination_in_the_order_of_the_values():
     chosen = [(each.learning_rate, each.mirrored) for each in found]
     assert chosen == [(0.3, True), (0.3, False), (0.1, True), (0.1, False)]
     assert sweep_settings(QLearning(), {}) == [QLearning()]
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """Settings without any."""
+
+
+def test_where_there_are_no_settings_the_error_says_so():
+    with pytest.raises(UprightError, match="setting is 'speed'; there is none that could be named"):
+        with_values(Nothing(), {"speed": 1})
 
 
 def test_names_can_be_swept():

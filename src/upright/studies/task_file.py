@@ -185,6 +185,7 @@ def save_task(path: Path | str, case: Case) -> None:
 def task_text(spec: TaskSpec, plant: PlantSettings) -> str:
     """Return the content of a file of a task."""
     parts = {name: value for name, value in spec.as_data().items() if name != "parameters"}
+    summary = PLANTS.summary(plant.name)
     lines = [
         f"# A task, written by Upright {__version__}. To use it: upright learn AGENT --task FILE,",
         "# and likewise upright table, play and tune; other options override what stands here.",
@@ -195,10 +196,7 @@ def task_text(spec: TaskSpec, plant: PlantSettings) -> str:
         *_lines(spec.parameters._asdict(), _meanings(spec.parameters)),
         "",
         "[plant]",
-        *_lines(
-            describe_plant(plant),
-            {"name": PLANTS.summary(plant.name), **describe_settings(plant)},
-        ),
+        *_lines(describe_plant(plant), {"name": summary, **describe_settings(plant)}),
     ]
     return "\n".join(lines) + "\n"
 
@@ -217,6 +215,6 @@ def _lines(values: Mapping[str, Any], texts: Mapping[str, str]) -> list[str]:
     starts = {name: f"{name} = {toml_value(value)}" for name, value in values.items()}
     width = max(map(len, starts.values()))
     return [
-        f"{start:<{width}}  # {texts[name]}" if name in texts else start
+        f"{start:<{width}}  # {texts[name].replace('`', '')}" if name in texts else start
         for name, start in starts.items()
     ]
