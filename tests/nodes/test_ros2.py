@@ -18,6 +18,8 @@ from upright.core.parameters import State
 from upright.core.task import TaskSpec
 from upright.errors import UprightError
 from upright.plants import PLANTS
+from upright.policies.files import load_policy, save_policy
+from upright.reports.learning import learn
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
@@ -214,6 +216,25 @@ def test_a_learner_learns_where_the_simulator_makes_the_noise(simulate, start, t
     assert status == 0, told
     assert lengths(out)[-1] == 1000
     assert path.exists()
+
+
+def test_an_agent_goes_on_learning_on_the_cart(simulator, start, tmp_path, capsys):
+    """As a plant, with the trials of the equations; as a learner, where the cart draws starts."""
+    first, second = str(tmp_path / "first.npz"), str(tmp_path / "second.npz")
+    policy, before = learn("q-learning", steps=200, trials=3)
+    save_policy(first, policy)
+    options = f"--from {first} --steps 1000 --trials 5 --seed 3"
+    assert run(f"learn {options} --plant ros2".split()) in (0, FAILED)
+    alone = learn(policy, seed=3, steps=1000, trials=5)
+    assert lengths(capsys.readouterr().out) == alone.result.lengths.tolist()
+
+    status, out, told = finish(start(f"ros2 learn {options} --save {second}"))
+    assert status in (0, FAILED), told
+    assert "goes on from first.npz: q-learning" in out
+    trials = [stage.trials for stage in load_policy(second).stages]
+    assert trials == [before.trials, len(lengths(out))]
+    status, out, told = finish(start(f"ros2 learn --policy {second} --greedy --steps 5"))
+    assert lengths(out) == [5], told
 
 
 def test_ros_arguments_reach_the_nodes(simulate, start):

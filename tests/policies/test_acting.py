@@ -2,6 +2,7 @@
 
 import threading
 from collections import defaultdict
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,21 @@ class Noisy:
         self.seen.append(observation)
         rng = self.nested["inner"][0] if self.own else rng
         return self.asked < 100 and rng.random() < 0.3 + observation.x
+
+
+class Biased:
+    """An agent that mostly pushes to one side, by its own random numbers or the run's."""
+
+    def __init__(self, own):
+        self.rng, self.own, self.trials = np.random.default_rng(7), own, []
+
+    def begin_trial(self, rng):
+        self.trials.append(rng.random())
+
+    def act(self, observation, rng):
+        return (self.rng if self.own else rng).random() < 0.5 + 40 * observation.x
+
+    def remember(self, observation, action): ...
 
 
 class Climber(NamedTuple):
@@ -168,3 +184,21 @@ def test_compiled_agents_may_have_act_alone():
         plant, _, rng = prepare(case, 4, episode, np.zeros(1, np.bool_))
         steps, fallen = trial(policy, plant, task, rng)
         assert each == TrialOutcome(steps, not fallen)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_greedy_actor_makes_the_likelier_push_and_draws_nothing(own):
+    policy = replace(policy_of(Biased(own)), greedy=True)
+    rng = np.random.default_rng(1)
+    unused = rng.bit_generator.state
+    for _ in range(2):
+        policy.begin_trial(rng)
+        for x in (0.01, -0.01) * 10:
+            here = HERE._replace(x=x)
+            assert policy.act(here, rng) == (x > 0)
+            assert policy.push_probability(here) == (x > 0)
+            policy.learn(here, True, here, False)
+    assert rng.bit_generator.state == unused
+    drawn = policy_of(Biased(own))
+    drawn.begin_trial(rng)
+    assert {drawn.act(HERE._replace(x=0.001), rng) for _ in range(50)} == {True, False}

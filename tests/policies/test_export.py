@@ -15,7 +15,7 @@ from helpers import ROOT, make_task
 
 from upright.agents import AGENTS
 from upright.agents.parts.history import BLOCK
-from upright.agents.parts.policy_form import Table
+from upright.agents.parts.policy_form import Layer, Network, Table
 from upright.agents.q_learning import QLearning
 from upright.commands import run
 from upright.core.parameters import State
@@ -24,7 +24,9 @@ from upright.core.trials import trial
 from upright.errors import UprightError
 from upright.plants.equations import equations
 from upright.policies.c99 import encode as c_header
-from upright.policies.files import export_policy, save_policy
+from upright.policies.files import export_policy, load_policy, save_policy
+from upright.policies.form_player import make_memory
+from upright.policies.greedy import GREEDY_ACTION, greedy_form
 from upright.policies.onnx import IR_VERSION, OPSET
 from upright.policies.onnx import encode as onnx_model
 from upright.policies.policy import Policy
@@ -39,6 +41,10 @@ REALS = {"float64": (np.float64, []), "float32": (np.float32, ["-DUPRIGHT_FLOAT3
 PROGRAM = """\
 #include "policy.h"
 
+#ifndef ANSWER
+#define ANSWER upright_push_probability
+#endif
+
 extern void evaluate(int, const upright_real *, upright_real *, upright_real *);
 
 void evaluate(int count, const upright_real *observations, upright_real *histories,
@@ -46,11 +52,11 @@ void evaluate(int count, const upright_real *observations, upright_real *histori
 {
     for (int i = 0; i < count; i++) {
 #ifdef UPRIGHT_HISTORY
-        probabilities[i] =
-            upright_push_probability(observations + 4 * i, histories + UPRIGHT_HISTORY * i);
+        probabilities[i] = (upright_real)ANSWER(
+            observations + 4 * i, histories + UPRIGHT_HISTORY * i);
 #else
         (void)histories;
-        probabilities[i] = upright_push_probability(observations + 4 * i);
+        probabilities[i] = (upright_real)ANSWER(observations + 4 * i);
 #endif
     }
 }
@@ -74,6 +80,8 @@ class Learned(NamedTuple):
     @property
     def close(self):
         """Where the last sum is so near zero that its sign may differ in float32."""
+        if isinstance(self.policy.form, Table):
+            return np.zeros(COUNT, np.bool_)
         *hidden, (weights, unit) = self.policy.form.layers
         if unit == "sigmoid":
             return np.zeros(COUNT, np.bool_)
@@ -152,6 +160,7 @@ class InC:
 
     def __init__(self, folder, policy, real="float64"):
         self.kind, flags = REALS[real]
+        flags = [*flags, "-DANSWER=upright_push_right"] if policy.greedy else flags
         compile_c(folder, c_header(policy), flags)
         self.library = ctypes.CDLL(str(folder / "policy.so"))
         self.history = np.zeros((1, BLOCK * getattr(policy.form, "past", 0)), self.kind)
@@ -188,6 +197,21 @@ def test_c_answers_as_python_does(real, learned, tmp_path):
         assert learned.close.sum() < COUNT / 1000
         far = ~learned.close
         np.testing.assert_allclose(answers[far], expected[far], rtol=0, atol=1e-5)
+
+
+@needs_gcc
+@pytest.mark.parametrize("real", REALS)
+def test_greedy_c_returns_the_likelier_push(real, learned, tmp_path):
+    compiled = InC(tmp_path, replace(learned.policy, greedy=True), real)
+    answers = compiled.evaluate(learned.observations, learned.histories.astype(compiled.kind))
+    clear = ~learned.close & (np.abs(learned.probabilities - 0.5) > 1e-5)
+    assert clear.mean() > 0.99
+    compared = clear if real == "float32" else np.ones(COUNT, np.bool_)
+    np.testing.assert_array_equal(answers[compared], learned.probabilities[compared] > 0.5)
+    header = (tmp_path / "policy.h").read_text()
+    assert "static inline int upright_push_right(" in header
+    assert "upright_push_probability" not in header
+    assert GREEDY_ACTION in " ".join(header.replace("\n *", " ").split())
 
 
 @needs_gcc
@@ -255,6 +279,19 @@ def inputs(learned, rows):
     return fed
 
 
+def test_greedy_onnx_returns_the_likelier_push(learned):
+    greedy = replace(learned.policy, greedy=True)
+    session = in_onnx(greedy)
+    names = ["push_right"] + (["next_history"] if learned.past else [])
+    assert [each.name for each in session.get_outputs()] == names
+    answers = session.run(["push_right"], inputs(learned, slice(COUNT)))[0]
+    assert (answers.dtype, answers.shape) == (np.int64, (COUNT, 1))
+    np.testing.assert_array_equal(answers[:, 0], learned.probabilities > 0.5)
+    metadata = onnx.load_from_string(onnx_model(greedy)).metadata_props
+    told = {entry.key: json.loads(entry.value) for entry in metadata}
+    assert told == learned.policy.contract() | {"action": GREEDY_ACTION}
+
+
 @pytest.mark.parametrize("count", [1, COUNT])
 def test_onnx_answers_as_python_does(count, learned):
     answers = in_onnx(learned.policy).run(["push_probability"], inputs(learned, slice(count)))[0]
@@ -286,6 +323,30 @@ def test_the_onnx_metadata_has_contract_and_versions(learned):
     assert {constant.name for constant in model.graph.initializer} <= used
     assert model.ir_version == IR_VERSION
     assert [(each.domain, each.version) for each in model.opset_import] == [("", OPSET)]
+
+
+def test_greedy_json_holds_sure_pushes_and_stays_greedy(learned, tmp_path):
+    export_policy(tmp_path / "policy.json", learned.policy, greedy=True)
+    entries = json.loads((tmp_path / "policy.json").read_text())
+    assert entries["action"] == GREEDY_ACTION
+    if entries["form"] == "table":
+        assert set(entries["probabilities"]) == {0.0, 1.0}
+    else:
+        assert entries["layers"][-1]["unit"] in ("above zero", "not below zero")
+    again = load_policy(tmp_path / "policy.json")
+    assert again.greedy
+    assert ask_again(again, learned) == (learned.probabilities[:2000] > 0.5).tolist()
+
+
+def ask_again(policy, learned):
+    """Return the pushes of a policy for the first measurements."""
+    pushes = []
+    for i, point in enumerate(learned.observations[:2000]):
+        if i % 20 == 0:
+            policy.begin_trial(None)
+        pushes.append(policy.act(State(*point), None))  # without random numbers
+        policy.learn(State(*point), pushes[-1], None, False)
+    return pushes
 
 
 def test_a_missing_onnx_is_reported_in_one_line(monkeypatch, tmp_path, capsys):
@@ -345,11 +406,24 @@ def test_a_policy_without_edges_has_one_box():
     assert in_onnx(policy).run(None, {"observation": np.zeros((1, 4), np.float32)})[0] == 1.0
 
 
+def test_a_greedy_form_is_sure_and_pushes_left_where_both_are_equal():
+    table = Table(((), (), (0.0,), ()), (0.5, 0.5 + 1e-9))
+    assert greedy_form(table).probabilities == (0.0, 1.0)
+    layer = Layer(np.array([[0.0], [0.0], [1.0], [0.0]]), "sigmoid")
+    assert greedy_form(Network((layer,))).layers[0].unit == "above zero"
+    policy = Policy("mine:Agent", make_memory(Network((layer,))), TaskSpec(), greedy=True)
+    points = [State(0.0, 0.0, theta, 0.0) for theta in (-1e-9, 0.0, 1e-9)]
+    assert [policy.act(point, None) for point in points] == [False, False, True]
+    assert [policy.push_probability(point) for point in points] == [0.0, 0.0, 1.0]
+
+
 def test_the_file_extension_selects_the_format(tmp_path, capsys):
     path = saved("reinforce", tmp_path)
     assert run(["export", str(path), str(tmp_path / "policy.h")]) == 0
     assert run(["export", str(path), str(tmp_path / "policy.onnx")]) == 0
     assert (tmp_path / "policy.h").read_text().startswith("/*\n * A policy learned by reinforce")
+    assert run(["export", str(path), str(tmp_path / "greedy.h"), "--greedy"]) == 0
+    assert "int upright_push_right(" in (tmp_path / "greedy.h").read_text()
     onnx.checker.check_model(str(tmp_path / "policy.onnx"))
     assert "exported" in capsys.readouterr().out
 

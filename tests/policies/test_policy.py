@@ -180,6 +180,13 @@ def change_settings(**values):
     return change_header(lambda header: header["settings"].update(values))
 
 
+STAGE = {"task": {}, "trials": 1, "steps": 20, "balanced": False}
+
+
+def change_stages(stages):
+    return change_header(lambda header: header.update(stages=stages))
+
+
 def of_agent(agent, **changes):
     """Return damage that makes the file that of another agent, with bad settings."""
 
@@ -351,6 +358,18 @@ BAD_FILES = {
     "more of a plant": (
         change_task(plant={"name": "equations", "integrator": "euler", "colour": 1}),
         "'colour' are not those of equations",
+    ),
+    # Stages
+    "stages": (change_stages("many"), "stages is 'many'; it must be a list"),
+    "many stages": (change_stages([STAGE] * 501), "number of stages is 501; .* at most 500"),
+    "a stage": (change_stages([3]), "a stage is 3"),
+    "task of a stage": (change_stages([{"trials": 1}]), "task of a stage is None"),
+    "trials of a stage": (change_stages([STAGE | {"trials": -1}]), "trials of a stage is -1"),
+    "outcome of a stage": (change_stages([STAGE | {"balanced": 2}]), "balanced of a stage is 2"),
+    "source of a stage": (change_stages([STAGE | {"from": "x"}]), "from of a stage is 'x'"),
+    "digest of a stage": (
+        change_stages([STAGE | {"from": {"file": "x", "sha256": "00"}}]),
+        "sha256 of a stage is '00'",
     ),
     # Settings
     "impossible": (change_settings(x_scale=-1), "x_scale is -1.0; it must be a number, above 0"),

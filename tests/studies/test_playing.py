@@ -62,6 +62,19 @@ def test_compiled_play_is_the_same_as_the_loop_in_python(agent, changes, learned
     assert len({played.steps for played in compiled}) > 1
 
 
+@pytest.mark.parametrize("agent", ["reinforce", "adaptive-lqr"])
+def test_greedy_play_is_the_same_compiled_and_in_python(agent, learned):
+    policy = replace(learned[agent], greedy=True)
+    case = case_for(policy, **HARD)
+    compiled = list(play_trials(policy, case, 5, seed=3))
+    for episode, played in enumerate(compiled):
+        steps, fallen = trial(policy, *prepare(case, 3, episode, GO_ON))
+        assert played == TrialOutcome(steps, not fallen)
+    assert play(learned[agent], 5, seed=3, greedy=True, **HARD) == compiled
+    if agent == "reinforce":  # the other one's pushes are sure, but use up random numbers
+        assert play(learned[agent], 5, seed=3, **HARD) != compiled
+
+
 def test_a_policy_of_a_custom_agent_plays_in_python():
     class Memory(LinearAgent):
         def push_probability(self, observation):

@@ -5,9 +5,15 @@ the window is closed, the run goes on without it. A video is shortened to at mos
 first trials in real time, the others fast forward, then the beginning and the end of the last. The
 trials are the same as without pictures, but take longer to compute. The bars are the lengths of
 trials; the grey cart-pole is the last fall.
+
+With --from the agent is not new: it goes on learning from a policy, with all that it had learned
+and with the policy's settings. The task is the one that the policy was trained on, except where
+options override it, and the plant is the equations unless --plant says otherwise. The policy's file
+stays as it is.
 """
 
 import argparse
+from typing import TYPE_CHECKING
 
 from upright.agents import AGENTS
 from upright.commands.options import (
@@ -18,14 +24,21 @@ from upright.commands.options import (
     add_task_file,
     add_task_options,
     case_of,
+    changes_by_agent,
     plant_of,
     save_task_of,
     size_of,
+    task_of,
     whole,
 )
 from upright.commands.parser import Parser
 from upright.commands.showing import telling_of_compilation
+from upright.errors import UprightError
 from upright.support.exit_status import FAILED
+
+if TYPE_CHECKING:
+    from upright.policies.policy import Policy
+    from upright.studies.case import Case
 
 EXAMPLES = f"""\
 examples:
@@ -36,6 +49,9 @@ examples:
   upright learn reinforce --plant mujoco --plant-set physics_step=0.001
   upright learn q-learning --parameter half_length=0.3 --save-task my-cart.toml
   upright learn reinforce --task my-cart.toml       the same task
+  upright learn --from policy.npz --condition delay-1 --save delayed.npz    go on learning
+  upright learn --from policy.npz --plant mujoco --set learning_rate=0.005
+  upright learn my_agent:MyAgent --from mine.npz    a custom agent goes on
   upright learn q-learning --window --size 1280     see it learn
   upright learn q-learning --video learning.mp4     the same as a video; needs no display
 {CUSTOM_AGENTS}\
@@ -46,8 +62,15 @@ agent failed: its code raised an exception, or it breaks the rules for agents.
 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright learn`."""
-    add(parser, "agent")
-    add_task_options(parser)
+    add(parser, "agent", nargs="?")
+    parser.add_argument(
+        "--from",
+        dest="start_policy",
+        metavar="POLICY",
+        help="go on from this policy, saved by learn --save as .npz; AGENT may be left out, unless "
+        "it is a custom one, whose code is executed",
+    )
+    add_task_options(parser, from_policy=True)
     add(parser, "--seed")
     add_case_options(parser)
     add_plant_options(parser)
@@ -71,17 +94,25 @@ def add_options(parser: Parser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
-    AGENTS.check(options.agent)
-    with telling_of_compilation([options.agent]):
+    if options.agent is None and options.start_policy is None:
+        raise UprightError("the agent is missing: name one, or give a policy to go on from: --from")
+    agents = [] if options.agent is None else [options.agent]
+    for agent in agents:
+        AGENTS.check(agent)
+    with telling_of_compilation(agents):
         return _learn(options)
 
 
 def _learn(options: argparse.Namespace) -> int:
     from upright.errors import require
+    from upright.policies.files import load_policy, save_policy
+    from upright.policies.going_on import describe_going_on, describe_total
+    from upright.studies.learned import check_learned, learned_policy
     from upright.studies.study import check_study
     from upright.studies.watching import watch_run
 
-    case = case_of(options, plant=plant_of(options))
+    start = load_policy(options.start_policy, options.agent) if options.start_policy else None
+    case = _case_from(start, options) if start else case_of(options, plant=plant_of(options))
     require("run", options.run, 0, 999_999)
     check_study(options.run + 1, options.seed)
     if options.plot:
@@ -90,10 +121,10 @@ def _learn(options: argparse.Namespace) -> int:
 
         check_picture(options.plot)
     if options.save:
-        from upright.studies.learned import check_learned
-
         check_learned(options.save, case)
     save_task_of(options, [case])
+    if start and not options.quiet:
+        print(describe_going_on(start), flush=True)
     memory, result = watch_run(
         case,
         options.seed,
@@ -103,7 +134,11 @@ def _learn(options: argparse.Namespace) -> int:
         window=options.window,
         video=options.video,
         size=size_of(options),
+        policy=start,
     )
+    learned = learned_policy(case, options.seed, options.run, memory, result, start)
+    if start:
+        print(describe_total(learned))
     if options.plot:
         title, task = f"{case_name(case)}, {noise_name(case.spec.noise)}", task_name(case.spec)
         made = f"seed {options.seed}, run {options.run}"
@@ -112,8 +147,27 @@ def _learn(options: argparse.Namespace) -> int:
         save(figure, options.plot)
         print(f"learning curve: {options.plot}")
     if options.save:
-        from upright.studies.learned import save_learned
-
-        save_learned(options.save, case, options.seed, options.run, memory)
+        save_policy(options.save, learned)
         print(f"policy: {options.save}")
     return 0 if result.success else FAILED
+
+
+def _case_from(policy: "Policy", options: argparse.Namespace) -> "Case":
+    """Return the case that is asked for in which a policy's agent goes on learning."""
+    from upright.policies.going_on import check_going_on
+    from upright.studies.case import refuse_settings_of_custom
+    from upright.studies.learned import KEEPS_SETTINGS, case_from
+    from upright.support.settings import change_settings
+
+    if options.twister:
+        raise UprightError("--twister cannot be given with --from: the MATLAB twin has no such run")
+    if options.settings != "default" or options.settings_files:
+        option = "--settings-file" if options.settings_files else "--settings"
+        raise UprightError(f"{option} cannot be given with --from: {KEEPS_SETTINGS}, by --set")
+    settings, task = check_going_on(policy), task_of(options)
+    if changes := changes_by_agent(options.changes, [policy.agent])[policy.agent]:
+        refuse_settings_of_custom(policy.agent)
+        settings = change_settings(settings, changes)
+    if options.plant != "equations" or options.plant_changes:
+        task["plant"] = plant_of(options)
+    return case_from(policy, settings, **task)

@@ -37,6 +37,8 @@ LABELS = ("default", "as-published")
 """Names that an agent's settings may have."""
 AS_TRAINED = "as the policy was trained"
 """The default of a task's options where a policy is played."""
+LIKELIER = "the more probable push (to the left where both are equally probable), without drawing"
+"""What a greedy policy does."""
 CUSTOM_AGENTS = """\
 Custom agents: module:name, a class or function which, given a run's random numbers, returns an
 agent with the methods begin_trial, act, learn and end_trial, or train(env) (see examples/).
@@ -160,6 +162,7 @@ SHARED: dict[str, dict[str, Any]] = {
         "metavar": "POLICY",
         "help": "a policy saved by learn --save, or exported as JSON",
     },
+    "--greedy": {"action": "store_true", "help": f"make {LIKELIER}"},
     "--agent": {
         "metavar": "MODULE:NAME",
         "help": "the custom agent that trained the policy; its code is executed",
@@ -208,7 +211,11 @@ def add(parser: Parser, *names: str, **changes: Any) -> None:
 
 
 def add_task_options(
-    parser: Parser, names: tuple[str, ...] = tuple(TASK), *, as_trained: bool = False
+    parser: Parser,
+    names: tuple[str, ...] = tuple(TASK),
+    *,
+    as_trained: bool = False,
+    from_policy: bool = False,
 ) -> None:
     """Add the options of a task, which `task_of` reads.
 
@@ -220,11 +227,16 @@ def add_task_options(
         Which of TASK it has.
     as_trained
         Whether those not given are to be as a policy was trained, and absent from `task_of`.
+    from_policy
+        Whether that is so where the command is given a policy, and only then.
     """
     for name in names:
         form = dict(TASK[name])
-        if as_trained:
-            form |= {"default": None, "help": form["help"].replace("%(default)s", AS_TRAINED)}
+        default = AS_TRAINED if as_trained else str(form["default"])
+        if from_policy and name not in ("--steps", "--trials"):
+            default += f"; with --from {AS_TRAINED}"
+        if as_trained or (from_policy and name != "--parameter"):
+            form |= {"default": None, "help": form["help"].replace("%(default)s", default)}
         parser.add_argument(name, **form)
 
 

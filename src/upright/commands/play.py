@@ -33,6 +33,7 @@ examples:
   upright play policy.npz --condition delay-1 --video fall.mp4 --size 1280x720
   upright play policy.npz --episodes 100 --steps 600000
   upright play policy.json                          written by export, or by another language
+  upright play policy.npz --greedy                  the more probable push, without drawing
   upright play policy.npz --plant mujoco            on another plant
   upright play policy.npz --parameter half_length=1.0   on a longer pole
   upright play policy.npz --task my-cart.toml       on the task of a file, written by --save-task
@@ -61,7 +62,7 @@ def add_options(parser: Parser) -> None:
     add_plant_options(parser)
     add_task_file(parser)
     add(parser, "--window", "--video", "--size")
-    add(parser, "--agent")
+    add(parser, "--greedy", "--agent")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -71,6 +72,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
+    from dataclasses import replace
+
     from upright.errors import require
     from upright.pictures.video import check_video
     from upright.policies.files import load_policy
@@ -83,6 +86,8 @@ def _play(options: argparse.Namespace) -> int:
     episodes = episodes if options.episodes is None else options.episodes
     changes = {"steps": steps} | task_of(options)
     policy = load_policy(options.policy, options.agent)
+    if options.greedy:
+        policy = replace(policy, greedy=True)
     if options.plant != "equations" or options.plant_changes or "plant" in in_file(options):
         changes["plant"] = plant_of(options)
     case = case_for(policy, **changes)

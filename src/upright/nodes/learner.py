@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,17 @@ from rclpy.node import Node
 from std_msgs.msg import Int64
 
 from upright.core.trials import Result
+from upright.errors import UprightError
 from upright.nodes.parameters import declare
 from upright.nodes.settings import LearnerSettings
 from upright.plants.ros2.cart import Cart
 from upright.plants.ros2.node import QOS, ParameterValues, new_node
 from upright.plants.ros2.plant import Ros2
-from upright.policies.files import load_policy
+from upright.policies.files import load_policy, save_policy
+from upright.policies.going_on import describe_going_on, describe_total
+from upright.policies.policy import Policy
 from upright.studies.case import make_case
-from upright.studies.learned import check_learned, save_learned
+from upright.studies.learned import KEEPS_SETTINGS, case_from, check_learned, learned_policy
 from upright.studies.playing import case_for, play_run
 from upright.studies.run import make_run
 from upright.studies.watching import print_trial, watch
@@ -36,13 +40,18 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
         If interrupted; the cart is stopped.
     """
     policy = load_policy(settings.policy) if settings.policy else None
+    start = _load_start(settings)
     waiting = Ros2(settings.watchdog, settings.patience)
     task: dict[str, Any] = {"steps": settings.steps, "trials": settings.trials, "plant": waiting}
     task |= {"noise": "none", "condition": "nominal", "parameters": {}}  # the cart has its own
     if policy:
+        policy = replace(policy, greedy=policy.greedy or settings.greedy)
         case = case_for(policy, **task)
+    elif start:
+        case = case_from(start, **task)
+        print(describe_going_on(start), flush=True)
     else:
-        case = make_case(settings.agent, settings.settings, **task)
+        case = make_case(settings.agent or "reinforce", settings.settings, **task)
     if settings.save:
         check_learned(settings.save, case)
     stop = np.zeros(1, np.bool_)
@@ -52,7 +61,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:
         if policy:
             return policy, play_run(policy, case, settings.seed, cart, lengths, stop)
-        return make_run(case, settings.seed, 0, lengths, stop, plant=cart)
+        return make_run(case, settings.seed, 0, lengths, stop, plant=cart, policy=start)
 
     def show(number: int, length: int) -> None:
         print_trial(case, number, length)
@@ -61,9 +70,22 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     memory, result = watch(case, work, show, stop)
     if cart.missed:
         print(f"{count(cart.missed, 'control period')} passed without a new command")
-    if settings.save:
-        save_learned(settings.save, case, settings.seed, 0, memory)
+    if not policy:
+        learned = learned_policy(case, settings.seed, 0, memory, result, start)
+        if start:
+            print(describe_total(learned))
+        if settings.save:
+            save_policy(settings.save, learned)
     return result.success
+
+
+def _load_start(settings: LearnerSettings) -> Policy | None:
+    """Return the policy that the agent goes on from, if any."""
+    if not settings.from_policy:
+        return None
+    if settings.settings != "default":
+        raise UprightError(f"settings is {settings.settings!r}; {KEEPS_SETTINGS}")
+    return load_policy(settings.from_policy, settings.agent or None)
 
 
 def main(values: ParameterValues | None = None, arguments: Sequence[str] | None = None) -> int:

@@ -81,12 +81,17 @@ class SimulatorSettings:
 class LearnerSettings:
     """Settings of the learner."""
 
-    agent: str = "reinforce"
-    """Agent that learns: one of `upright agents`, or module:name."""
+    agent: str = ""
+    """Agent that learns: one of `upright agents`, or module:name; if empty, that of from_policy, or
+    reinforce."""
     settings: str = "default"
     """Settings of the agent: default (tuned) or as-published."""
     policy: str = ""
     """Saved policy to play in place of an agent; FILE.npz or FILE.json."""
+    greedy: bool = False
+    """Whether the policy that is played makes the more probable push, without drawing."""
+    from_policy: str = ""
+    """Saved policy that the agent goes on learning from; FILE.npz."""
     seed: int = 0
     """Seed of the agent's random numbers."""
     steps: int = STEPS
@@ -99,3 +104,14 @@ class LearnerSettings:
     """Longest time without a measurement before the cart is stopped and the run aborted [s]."""
     patience: float = 10.0
     """Longest time to wait for the cart to appear, and for a reset [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse settings that contradict each other."""
+        if self.policy and self.save:
+            raise UprightError(
+                f"save is {self.save!r}, but a policy that is played learns nothing to save"
+            )
+        if self.policy and self.from_policy:
+            raise UprightError("a policy is either played (policy) or learned from (from_policy)")
+        if self.greedy and not self.policy:
+            raise UprightError("greedy is for a policy that is played; it needs policy")

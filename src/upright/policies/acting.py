@@ -46,8 +46,9 @@ class Actor:
         self._playing: Any = None
         self._asked: Any = None
 
-    def begin_trial(self, rng: np.random.Generator) -> None:
-        """Begin from the end of the run."""
+    def begin_trial(self, rng: np.random.Generator, *, draws: bool = True) -> None:
+        """Begin from the end of the run. If it draws, then from `rng`; `likelier` does not."""
+        rng = rng if draws else self._rng
         self._playing = self._copy(rng)
         if hasattr(self._playing, "remember"):
             with reporting(self._name, "begin_trial failed in play"):
@@ -58,6 +59,12 @@ class Actor:
         if self._playing is None:
             self.begin_trial(rng)
         return self._push(self._playing, observation, rng)
+
+    def likelier(self, observation: State, rng: np.random.Generator) -> bool:
+        """Choose the push that it makes more often; draw nothing from `rng`."""
+        if self._playing is None:
+            self.begin_trial(rng, draws=False)
+        return self._estimate(self._playing, observation) > 0.5
 
     def remember(self, observation: State, action: bool) -> None:
         """Enter a step into the history, if the agent has one."""
@@ -73,8 +80,11 @@ class Actor:
         """
         if self._asked is None:
             self._asked = self._copy(self._rng)
+        return self._estimate(self._asked, observation)
+
+    def _estimate(self, asked: Any, observation: State) -> float:
         # A copy of the copy: what the agent counts or notes begins anew, as far as it costs little.
-        agent = copy.copy(self._asked)
+        agent = copy.copy(asked)
         self._rng.bit_generator.state = self._unused
         right = self._push(agent, observation, self._rng)
         if self._rng.bit_generator.state == self._unused:

@@ -38,8 +38,8 @@ typedef double upright_real;
 """
 
 C_FUNCTION = """\
-/* Return the probability of a push to the right: 0 to 1. */
-static inline upright_real upright_push_probability(const upright_real observation[4])
+/* Return {returned}. */
+static inline {kind} {name}(const upright_real observation[4])
 {{
 {body}
 }}
@@ -49,10 +49,11 @@ C_FUNCTION_WITH_HISTORY = """\
 #define UPRIGHT_HISTORY {numbers}
 
 /*
- * Return the probability of a push to the right: 0 or 1. That push is taken as made, and entered
- * into the history. The history is the caller's: all zeros when a trial begins, then left alone.
+ * Return {returned}.
+ * That push is taken as made, and entered into the history.
+ * The history is the caller's: all zeros when a trial begins, then left alone.
  */
-static inline upright_real upright_push_probability(
+static inline {kind} {name}(
     const upright_real observation[4], upright_real history[UPRIGHT_HISTORY])
 {{
     if (history[0] == 0) {{
@@ -109,17 +110,18 @@ for (int i = 0; i < 4; i++) {{
 """
 
 C_TABLE = """\
-static const upright_real probabilities[] = {{
-{probabilities}
+static const {kind} {outputs}[] = {{
+{numbers}
 }};
 int box = 0;
-{box}return probabilities[box];"""
+{box}return {outputs}[box];"""
 
 
 def encode(policy: Policy) -> str:
     """Return a policy as a C99 header: one function, no allocation.
 
-    The same header serves float64 and float32.
+    The same header serves float64 and float32. That of a greedy policy defines `upright_push_right`
+    in place of `upright_push_probability`.
 
     Raises
     ------
@@ -127,15 +129,20 @@ def encode(policy: Policy) -> str:
         If the policy's agent does not provide its form.
     """
     form = form_of(policy)
+    function = (
+        _c_table(form, greedy=policy.greedy)
+        if isinstance(form, Table)
+        else _c_network(form, greedy=policy.greedy)
+    )
     return C_HEADER.format(
         agent=policy.agent,
         version=__version__,
         contract=_c_comment(describe(policy.contract())),
-        function=_c_table(form) if isinstance(form, Table) else _c_network(form),
+        function=function,
     )
 
 
-def _c_network(network: Network) -> str:
+def _c_network(network: Network, *, greedy: bool) -> str:
     inputs = [f"observation[{i}]" for i in range(4)]
     if network.scales:
         scales = map(_c_number, network.scales)
@@ -156,21 +163,36 @@ def _c_network(network: Network) -> str:
     output = f"layer_{len(network.layers)}[0]"
     if network.past:
         body += C_NEXT_HISTORY.format(block=BLOCK, push=output)
-    body = textwrap.indent(f"{body}return {output};", "    ")
+    body = textwrap.indent(f"{body}return {output}{' > 0' if greedy else ''};", "    ")
     if network.past:
-        return C_FUNCTION_WITH_HISTORY.format(numbers=numbers, block=BLOCK, body=body)
-    return C_FUNCTION.format(body=body)
+        head = _c_head(greedy, "0 or 1")
+        return C_FUNCTION_WITH_HISTORY.format(numbers=numbers, block=BLOCK, body=body, **head)
+    return C_FUNCTION.format(body=body, **_c_head(greedy))
 
 
-def _c_table(table: Table) -> str:
+def _c_head(greedy: bool, values: str = "0 to 1") -> dict[str, str]:
+    """Return the name and the type of the function, and what it returns."""
+    if greedy:
+        returned = "1 to push to the right (+F), 0 to push to the left (-F)"
+        return {"name": "upright_push_right", "kind": "int", "returned": returned}
+    returned = f"the probability of a push to the right: {values}"
+    return {"name": "upright_push_probability", "kind": "upright_real", "returned": returned}
+
+
+def _c_table(table: Table, *, greedy: bool) -> str:
     box = ""
     for i, edges in enumerate(table.edges):
         box += f"box *= {len(edges) + 1};\n"
         for edge in edges:
             box += f"box += observation[{i}] > {_c_edge(edge)};\n"
-    probabilities = _c_list(map(_c_number, table.probabilities))
-    body = C_TABLE.format(probabilities=probabilities, box=box)
-    return C_FUNCTION.format(body=textwrap.indent(body, "    "))
+    if greedy:
+        kind, outputs = "unsigned char", "pushes"
+        numbers = _c_list(f"{push:.0f}" for push in table.probabilities)
+    else:
+        kind, outputs = "upright_real", "probabilities"
+        numbers = _c_list(map(_c_number, table.probabilities))
+    body = C_TABLE.format(kind=kind, outputs=outputs, numbers=numbers, box=box)
+    return C_FUNCTION.format(body=textwrap.indent(body, "    "), **_c_head(greedy))
 
 
 def _c_edge(edge: float) -> str:

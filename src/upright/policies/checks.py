@@ -12,6 +12,7 @@ from upright.core.task import TaskSpec
 from upright.errors import AgentError, UprightError, require, require_one_of
 from upright.plants import PLANTS, describe_plant, restore_plant
 from upright.plants.equations import EQUATIONS
+from upright.policies.greedy import GREEDY_ACTION
 from upright.policies.policy import Policy
 
 TOLD = ("noise", "start", "steps", "condition", "seed", "run")
@@ -78,7 +79,7 @@ def check_agent(found: str, named: str | None) -> None:
     if named is None and AGENTS.is_path(found):
         raise ValueError(
             f"it was learned by {found!r}, a custom agent, whose code is run only if you name it: "
-            "--agent MODULE:NAME, or agent= in Python"
+            "--agent MODULE:NAME (learn --from: MODULE:NAME), or agent= in Python"
         )
 
 
@@ -108,6 +109,11 @@ def read_task(task: dict[str, Any]) -> dict[str, Any]:
     for name, value in (("seed", seed), ("run", run)):
         require(name, value, 0, whole=True)
     return {"learned_on": TaskSpec.from_data(task), "seed": seed, "run": run, "plant": plant}
+
+
+def is_greedy(header: Mapping[str, Any]) -> bool:
+    """Whether a file states that its policy is greedy."""
+    return header.get("action") == GREEDY_ACTION
 
 
 def check_contract(policy: Policy, header: dict[str, Any], for_people: set[str]) -> None:

@@ -5,6 +5,7 @@ can be read again also have `begins(start)`, which recognises a file by its firs
 `read(path, agent)` and `read_header(path)`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -62,7 +63,7 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     write_file(path, FORMATS.module(ending).encode(policy))
 
 
-def export_policy(path: Path | str, policy: Policy) -> None:
+def export_policy(path: Path | str, policy: Policy, *, greedy: bool = False) -> None:
     """Write a policy to a file that other languages can read; the ending selects the format.
 
     Parameters
@@ -71,6 +72,10 @@ def export_policy(path: Path | str, policy: Policy) -> None:
         The file to write: ``.h`` for a C99 header, ``.onnx`` for ONNX, ``.json`` for JSON.
     policy
         The policy to export.
+    greedy
+        Whether to export the more probable push itself, 1 to the right or 0 to the left, in place
+        of its probability, so that the user of the file needs no random numbers. Where both pushes
+        are equally probable, it is 0.
 
     Raises
     ------
@@ -88,6 +93,7 @@ def export_policy(path: Path | str, policy: Policy) -> None:
     """
     require_kind("path", path, (str, Path), "the path of a file")
     require_kind("policy", policy, Policy, "what learn or load_policy returns")
+    policy = replace(policy, greedy=True) if greedy else policy
     write_file(path, FORMATS.module(check_export(path).suffix).encode(policy))
 
 

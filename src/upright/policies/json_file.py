@@ -13,6 +13,7 @@ from upright.policies.checks import (
     check_contract,
     check_header,
     explained,
+    is_greedy,
     parse_json,
     read_task,
 )
@@ -46,7 +47,8 @@ def read(path: Path | str, agent: str | None) -> Policy:
         if agent is None:
             require_one_of("agent", entries["agent"], AGENTS)
         memory = make_memory(restore_form(entries))
-        policy = Policy(entries["agent"], memory, **read_task(entries["task"]))
+        trained = read_task(entries["task"])
+        policy = Policy(entries["agent"], memory, **trained, greedy=is_greedy(entries))
         # These three follow from the form; other languages may word them differently.
         check_contract(policy, entries, {"version", "normalisation", "history"})
     return policy

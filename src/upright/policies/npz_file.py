@@ -9,6 +9,7 @@ settings in the header imply, which are bounded; a state takes memory in proport
 the file, because it is not compressed.
 """
 
+import hashlib
 import io
 import json
 import math
@@ -29,6 +30,7 @@ from upright.policies.checks import (
     check_header,
     check_json_size,
     explained,
+    is_greedy,
     parse_json,
     read_task,
 )
@@ -40,6 +42,7 @@ from upright.policies.plain_state import (
     encode_state,
 )
 from upright.policies.policy import Policy
+from upright.policies.stages import SavedAs, describe_stages, read_stages
 from upright.support.settings import values_of
 
 FORMAT = "upright policy 1"
@@ -70,6 +73,8 @@ def encode(policy: Policy) -> bytes:
             f"policy is one of {policy.agent!r} without its settings; it can be exported as JSON"
         )
     header = {"format": FORMAT, **policy.contract(), "settings": values_of(policy.settings)}
+    if policy.stages:
+        header["stages"] = [stage.as_data() for stage in policy.stages]
     save = np.savez_compressed
     if not is_memory(policy.agent, policy.memory):
         header |= {"format": PLAIN_FORMAT, "state": describe_state(policy.memory)}
@@ -147,8 +152,15 @@ def read(path: Path | str, agent: str | None) -> Policy:
                 raise _of_another_form("a NamedTuple")
             renamed = getattr(settings, "RENAMED_ARRAYS", {})
             _fill(memory, archive, finite=not is_custom(header["agent"]), renamed=renamed)
-        trained = read_task(header["task"])
-        policy = Policy(header["agent"], memory, **trained, settings=settings)
+        policy = Policy(
+            header["agent"],
+            memory,
+            **read_task(header["task"]),
+            settings=settings,
+            stages=read_stages(header.get("stages", [])),
+            saved_as=SavedAs(Path(path).name, hashlib.sha256(Path(path).read_bytes()).hexdigest()),
+            greedy=is_greedy(header),
+        )
         check_contract(policy, header, {"version"})
     return policy
 
@@ -160,11 +172,12 @@ def _of_another_form(held: str) -> ValueError:
 
 
 def read_header(path: Path | str) -> dict[str, Any]:
-    """Return the header of an archive."""
+    """Return the header of an archive, with an entry for each stage."""
     with _opened(path) as archive:
         header = _read_header(archive)
         read_task(header["task"])
-    return header
+        stages = describe_stages(read_stages(header.pop("stages", [])))
+    return header | stages
 
 
 @contextmanager

@@ -16,14 +16,19 @@ OPSET, IR_VERSION = 13, 7
 """Versions of 2020, which suffice and which old runtimes can read too."""
 
 
+PROBABILITY, PUSH = "push_probability", "push_right"
+"""The output of a policy, float32, and that of a greedy one, int64."""
+
+
 def encode(policy: Policy) -> bytes:
     """Return a policy as an ONNX graph, checked by ONNX itself.
 
     Inputs and outputs are float32, one row a cart-pole: from `observation`, shape (batch, 4), the
     graph computes `push_probability`, shape (batch, 1). A policy with a history also takes
-    `history`, shape (batch, 5 past), zeros when a trial begins, and returns `next_history`. Inside,
-    numbers are float64: in float32 a probability might be off by some 1e-6, and a push near the
-    threshold might differ.
+    `history`, shape (batch, 5 past), zeros when a trial begins, and returns `next_history`. A
+    greedy policy returns `push_right`, int64, 1 or 0, in place of the probability. Inside, numbers
+    are float64: in float32 a probability might be off by some 1e-6, and a push near the threshold
+    might differ.
 
     Raises
     ------
@@ -32,12 +37,13 @@ def encode(policy: Policy) -> bytes:
     """
     form, onnx = form_of(policy), require_module("onnx", "this export needs ONNX", "onnx")
     graph = _Graph(onnx)
+    output = PUSH if policy.greedy else PROBABILITY
     if isinstance(form, Table):
-        _add_table(graph, form)
+        _add_table(graph, form, output)
     else:
-        _add_network(graph, form)
+        _add_network(graph, form, output)
     past = BLOCK * form.past if isinstance(form, Network) else 0
-    inputs, outputs = {"observation": 4}, {"push_probability": 1}
+    inputs, outputs = {"observation": 4}, {output: 1}
     if past:
         inputs["history"] = outputs["next_history"] = past
     contract = policy.contract()
@@ -59,8 +65,11 @@ def encode(policy: Policy) -> bytes:
 
 
 def _values(onnx: Any, widths: dict[str, int]) -> list[Any]:
+    kinds = {PUSH: onnx.TensorProto.INT64}
     return [
-        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", width])
+        onnx.helper.make_tensor_value_info(
+            name, kinds.get(name, onnx.TensorProto.FLOAT), ["batch", width]
+        )
         for name, width in widths.items()
     ]
 
@@ -91,7 +100,7 @@ class _Graph:
         return name
 
 
-def _add_network(graph: _Graph, network: Network) -> None:
+def _add_network(graph: _Graph, network: Network, output: str) -> None:
     observation = graph.cast("observation", "DOUBLE")
     inputs, history = observation, ""
     if network.scales:
@@ -101,7 +110,7 @@ def _add_network(graph: _Graph, network: Network) -> None:
         inputs = graph.add("Concat", inputs, history, axis=1)
     for weights, unit in network.layers:
         inputs = _add_unit(graph, graph.add("MatMul", inputs, graph.constant(weights)), unit)
-    graph.cast(inputs, "FLOAT", name="push_probability")
+    graph.cast(inputs, "INT64" if output == PUSH else "FLOAT", name=output)
     if network.past:
         push = graph.add("Sub", graph.add("Add", inputs, inputs), graph.constant(1))
         longer = graph.add("Concat", push, observation, history, axis=1)
@@ -140,7 +149,7 @@ def _compare(graph: _Graph, operator: str, value: str) -> str:
     return graph.add(operator, value, graph.constant(0))
 
 
-def _add_table(graph: _Graph, table: Table) -> None:
+def _add_table(graph: _Graph, table: Table, output: str) -> None:
     parts = [len(edges) + 1 for edges in table.edges]
     columns = [i for i, edges in enumerate(table.edges) for _ in edges]
     strides = np.array([[math.prod(parts[i + 1 :])] for i in range(4)])
@@ -149,5 +158,5 @@ def _add_table(graph: _Graph, table: Table) -> None:
     edges = graph.constant(np.concatenate(table.edges))
     above = graph.cast(graph.add("Greater", values, edges), "DOUBLE")
     box = graph.add("MatMul", above, graph.constant(strides[columns]))
-    probabilities = graph.constant(table.probabilities, np.float32)
-    graph.add("Gather", probabilities, graph.cast(box, "INT64"), name="push_probability")
+    results = graph.constant(table.probabilities, np.int64 if output == PUSH else np.float32)
+    graph.add("Gather", results, graph.cast(box, "INT64"), name=output)

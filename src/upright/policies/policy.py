@@ -18,6 +18,8 @@ from upright.errors import AgentError, UprightError
 from upright.plants import describe_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.acting import Actor
+from upright.policies.greedy import GREEDY_ACTION, greedy_form
+from upright.policies.stages import SavedAs, Stage
 from upright.support.short_repr import call
 
 OBSERVATION = ["x [m]", "x_dot [m/s]", "theta [rad]", "theta_dot [rad/s]"]
@@ -57,6 +59,12 @@ class Policy:
     """The plant that it learned on as data: its name, and its settings if they are known."""
     settings: Settings | None = None
     """The settings of its agent; None if unknown, because JSON files do not hold them."""
+    stages: tuple[Stage, ...] = ()
+    """The runs it learned in, this one last; empty if unknown, as JSON files do not hold them."""
+    saved_as: SavedAs | None = None
+    """The file that it was read from; None if it was not, or from a JSON file."""
+    greedy: bool = False
+    """Whether it makes the more probable push at each step, and draws no random number."""
 
     def __post_init__(self) -> None:
         """Reset to the start of a trial."""
@@ -69,14 +77,17 @@ class Policy:
         return call("Policy", parts | plant, [self.agent])
 
     def push_probability(self, observation: State) -> float:
-        """Return the probability of a push to the right.
+        """Return the probability of a push to the right; of a greedy policy, 1 or 0.
 
         Raises
         ------
         AgentError
             If a custom agent's code raises an exception, or returns what is no probability.
         """
-        observation = State(*map(float, observation))
+        probability = self._probability(State(*map(float, observation)))
+        return float(probability > 0.5) if self.greedy else probability
+
+    def _probability(self, observation: State) -> float:
         if self._actor:
             return self._actor.push_probability(observation)
         if not is_custom(self.agent):
@@ -93,15 +104,17 @@ class Policy:
     def begin_trial(self, rng: np.random.Generator) -> None:
         """Forget the previous trial."""
         if self._actor:
-            self._actor.begin_trial(rng)
+            self._actor.begin_trial(rng, draws=not self.greedy)
         elif self._has_history:
             self.memory.begin_trial(rng)
 
     def act(self, observation: State, rng: np.random.Generator) -> bool:
         """Choose a push."""
         if self._actor:
-            return self._actor.act(observation, rng)
-        return bool(rng.random() < self.push_probability(observation))
+            act = self._actor.likelier if self.greedy else self._actor.act
+            return act(observation, rng)
+        probability = self.push_probability(observation)
+        return probability > 0.5 if self.greedy else bool(rng.random() < probability)
 
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
         """Learn nothing; enter the step into the history, if the policy has one."""
@@ -125,14 +138,15 @@ class Policy:
     @property
     def task(self) -> dict[str, Any]:
         """The task that it learned on, ready for JSON."""
-        task = self.learned_on.as_data() | {"seed": self.seed, "run": self.run}
-        plant = {} if self.plant == describe_plant(EQUATIONS) else {"plant": dict(self.plant)}
-        return task | plant
+        return task_as_data(self.learned_on, self.seed, self.run, self.plant)
 
     @property
     def form(self) -> Form | None:
         """What it computes, as data; None if its agent does not provide that."""
-        return self.memory.policy_form() if hasattr(self.memory, "policy_form") else None
+        if not hasattr(self.memory, "policy_form"):
+            return None
+        form: Form = self.memory.policy_form()
+        return greedy_form(form) if self.greedy else form
 
     def contract(self) -> dict[str, Any]:
         """Return all that one needs to know to use the policy, ready for JSON."""
@@ -144,10 +158,16 @@ class Policy:
             "task": self.task,
             "observation": OBSERVATION,
             **inputs,
-            "action": ACTION,
+            "action": GREEDY_ACTION if self.greedy else ACTION,
             "force [N]": parameters.force,
             "time step [s]": parameters.time_step,
         }
+
+
+def task_as_data(spec: TaskSpec, seed: int, run: int, plant: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the task of a run, ready for JSON; it names the plant unless that is the usual one."""
+    named = {} if plant == describe_plant(EQUATIONS) else {"plant": dict(plant)}
+    return spec.as_data() | {"seed": seed, "run": run} | named
 
 
 def form_of(policy: Policy) -> Form:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,6 +42,8 @@ class Player(NamedTuple):
 
     memory: Any
     """The trained agent."""
+    greedy: bool = False
+    """Whether it makes the more probable push, without a random number."""
 
     @compiled
     def begin_trial(self, rng: np.random.Generator) -> None:
@@ -48,8 +51,9 @@ class Player(NamedTuple):
 
     @compiled
     def act(self, observation: State, rng: np.random.Generator) -> bool:
-        """Sample a push."""
-        return rng.random() < self.memory.push_probability(observation)  # type: ignore[no-any-return]
+        """Sample a push, or make the more probable one."""
+        probability = self.memory.push_probability(observation)
+        return probability > 0.5 if self.greedy else rng.random() < probability  # type: ignore[no-any-return]
 
     @compiled
     def learn(self, before: State, action: bool, after: State, fallen: bool) -> None:
@@ -117,6 +121,7 @@ def play(
     seed: int = 0,
     *,
     video: Path | str | None = None,
+    greedy: bool = False,
     **changes: Any,
 ) -> list[TrialOutcome]:
     """Play a policy, which does not learn, and return the outcome of each trial.
@@ -132,6 +137,9 @@ def play(
     video
         Path of a video of all trials, ending in .mp4 or .gif; by default none is made. A video
         needs pygame-ce and imageio-ffmpeg, but no display.
+    greedy
+        Whether to make the more probable push at each step (the left one if both are equally
+        probable) in place of drawing a push.
     **changes
         Parts of the task by name, as `make_case` takes them, that are to differ from the task the
         policy was trained on.
@@ -156,6 +164,7 @@ def play(
     require_kind("policy", policy, Policy, "what learn or load_policy returns")
     require("episodes", episodes, 1, 10**6, whole=True)
     require("seed", seed, 0, 2**63 - 1, whole=True)
+    policy = replace(policy, greedy=True) if greedy else policy
     case = case_for(policy, **({"steps": policy.learned_on.steps} | changes))
     if video is None:
         return list(play_trials(policy, case, episodes, seed))
@@ -248,7 +257,7 @@ def play_run(
 def player(policy: Policy) -> Player:
     """Return a policy of the package's agents in the form that the compiled loop takes."""
     kind = RememberingPlayer if hasattr(policy.memory, "remember") else Player
-    return kind(policy.memory)
+    return kind(policy.memory, policy.greedy)
 
 
 def prepare(

@@ -19,6 +19,8 @@ from upright.core.trials import Result
 from upright.errors import AgentError, require_kind, require_module, require_one_of
 from upright.plants import PLANTS
 from upright.plants.settings import RunContext
+from upright.policies.going_on import carry_over
+from upright.policies.policy import Policy
 from upright.studies.case import Case
 from upright.studies.observing import Observer, observed_loop
 from upright.studies.random_streams import Stream, random_numbers, sequence
@@ -60,8 +62,9 @@ def make_run(
     numbers: Callable[[int, int], np.random.Generator] | None = None,
     plant: Plant | None = None,
     observer: Observer | None = None,
+    policy: Policy | None = None,
 ) -> tuple[Any, Result | None]:
-    """Train a new agent until a trial succeeds.
+    """Train a new agent until a trial succeeds, or one that goes on from a policy.
 
     Parameters
     ----------
@@ -83,6 +86,9 @@ def make_run(
     observer
         Called after each start and each step, as for pictures. The loop then runs in Python; its
         trials are the same.
+    policy
+        What the agent has learned before, by the same agent; by default nothing. The policy itself
+        does not change.
 
     Returns
     -------
@@ -92,7 +98,7 @@ def make_run(
     Raises
     ------
     UprightError
-        If the plant fails.
+        If the plant fails, or the policy is another agent's.
     AgentError
         If a custom agent raises an exception, or breaks the rules for agents.
 
@@ -105,7 +111,7 @@ def make_run(
     """
     require_kind("case", case, Case, "what make_case returns")
     rng = (numbers or random_numbers)(seed, run)
-    agent, task = new_agent(case, rng), make_run_task(case, seed, run)
+    agent, task = new_agent(case, rng, policy), make_run_task(case, seed, run)
     lengths = np.zeros(case.spec.trials, np.int64) if lengths is None else lengths
     stop = np.zeros(1, np.bool_) if stop is None else stop
     if plant is None:
@@ -125,18 +131,25 @@ def make_run(
     return agent, outcome(case, run, success, lengths, seconds)
 
 
-def new_agent(case: Case, rng: np.random.Generator) -> Any:
-    """Return a new agent of a case.
+def new_agent(case: Case, rng: np.random.Generator, policy: Policy | None = None) -> Any:
+    """Return a new agent of a case, which has learned what a policy's agent has, if one is given.
 
     Raises
     ------
     AgentError
         If a custom agent cannot be created.
+    UprightError
+        If the policy is another agent's, or its agent's code has changed.
     """
     if not is_custom(case.agent):
-        return case.settings.agent(rng)
-    with reporting(case.agent, "it cannot be created"):
-        return case.settings.agent(rng)
+        agent = case.settings.agent(rng)
+    else:
+        with reporting(case.agent, "it cannot be created"):
+            agent = case.settings.agent(rng)
+    if policy is None:
+        return agent
+    require_one_of("agent of the policy", policy.agent, [case.agent])
+    return carry_over(policy, agent)
 
 
 def _called(case: Case, agent: Any, run: int) -> AbstractContextManager[Any]:

@@ -52,6 +52,7 @@ def watch_run(
     window: bool = False,
     video: str | None = None,
     size: Size = SIZE,
+    policy: Policy | None = None,
 ) -> tuple[Any, Result]:
     """Make a run; print a line for each trial as it ends, then one about the run.
 
@@ -69,6 +70,8 @@ def watch_run(
         Path of a video to make of the run, if any.
     size
         Size of the window and the video.
+    policy
+        The policy that the agent goes on from; by default it is a new one.
 
     Returns
     -------
@@ -100,7 +103,7 @@ def watch_run(
         warn_if_doubtful(doubt_about(case))
         numbers = twister_numbers if twister else None
         observer = observe if observers else None
-        return make_run(case, seed, run, lengths, stop, numbers, observer=observer)
+        return make_run(case, seed, run, lengths, stop, numbers, observer=observer, policy=policy)
 
     def show(number: int, length: int) -> None:
         if not quiet:

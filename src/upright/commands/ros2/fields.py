@@ -27,13 +27,16 @@ REPEATED = {
 """
 READERS = {int: as_whole, float: as_number}
 """What reads a setting of another kind than text."""
-FILES = ("policy", "save")
+FLAGS = {"from_policy": "--from"}
+"""Options that are not named after their setting."""
+FILES = ("policy", "from_policy", "save")
 """Settings that name a file."""
 
 
 def add_learning_agent(parser: Parser) -> None:
     """Add the argument that names the agent of a learner."""
-    add(parser, "agent", nargs="?", help="agent to train (default: reinforce)")
+    text = "agent to train (default: reinforce; with --from that of the policy)"
+    add(parser, "agent", nargs="?", help=text)
 
 
 def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
@@ -42,12 +45,12 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
         default = getattr(kind, name)
         if name in without or isinstance(default, tuple):
             continue
-        flag = f"--{name.replace('_', '-')}"
+        flag = FLAGS.get(name, f"--{name.replace('_', '-')}")
         described = text.rstrip(".")
         form: dict[str, Any] = {"type": READERS.get(type(default)), "metavar": "VALUE"}
         if name in REPEATED:
             flag, described = REPEATED[name]
-            form |= {"action": "append", "metavar": "NAME=VALUE", "dest": name}
+            form |= {"action": "append", "metavar": "NAME=VALUE"}
             del form["type"]
         elif name in NAMES:
             form |= {"choices": NAMES[name], "metavar": "NAME"}
@@ -62,7 +65,7 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
             form = {"action": argparse.BooleanOptionalAction}
         if default != "":
             described += f" (default: {default})"
-        parser.add_argument(flag, default=argparse.SUPPRESS, help=described, **form)
+        parser.add_argument(flag, dest=name, default=argparse.SUPPRESS, help=described, **form)
 
 
 def given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:

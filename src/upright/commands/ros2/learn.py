@@ -1,4 +1,4 @@
-"""Train an agent, or play a saved policy, on a cart."""
+"""Train an agent, let one go on learning from a saved policy, or play a policy, on a cart."""
 
 import argparse
 
@@ -15,7 +15,8 @@ from upright.nodes.settings import LearnerSettings
 EXAMPLES = """\
 examples:
   upright ros2 learn reinforce --save policy.npz
-  upright ros2 learn --policy policy.npz --steps 3000
+  upright ros2 learn --policy policy.npz --steps 3000 --greedy
+  upright ros2 learn --from policy.npz --save adapted.npz    go on learning on this cart
 ROS arguments may follow --ros-args.
 exit status: 0 if it balanced, 1 if not, 2 if something is not possible or the cart is gone, 130 if
 it was stopped.
