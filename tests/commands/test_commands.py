@@ -53,6 +53,7 @@ def folder(tmp_path, monkeypatch):
     ("line", "said"),
     [
         ("learn nobody", ["'nobody'", "reinforce", "q-learning", "random-search"]),
+        ("learn", ["AGENT is missing", "--from POLICY"]),
         ("learn reinforce --noise loud", ["'loud'", "none", "gaussian-0.2", "all-10"]),
         ("learn reinforce --steps 0", ["steps is 0", "at least 1"]),
         ("learn reinforce --trials -1", ["trials is -1", "at least 1"]),

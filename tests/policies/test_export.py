@@ -204,9 +204,10 @@ def test_c_answers_as_python_does(real, learned, tmp_path):
 def test_greedy_c_returns_the_likelier_push(real, learned, tmp_path):
     compiled = InC(tmp_path, replace(learned.policy, greedy=True), real)
     answers = compiled.evaluate(learned.observations, learned.histories.astype(compiled.kind))
-    clear = ~learned.close & (np.abs(learned.probabilities - 0.5) > 1e-5)
-    assert clear.mean() > 0.99
-    compared = clear if real == "float32" else np.ones(COUNT, np.bool_)
+    compared = np.ones(COUNT, np.bool_)
+    if real == "float32" and not isinstance(learned.policy.form, Table):
+        compared = ~learned.close & (np.abs(learned.probabilities - 0.5) > 1e-5)
+    assert compared.mean() > 0.99
     np.testing.assert_array_equal(answers[compared], learned.probabilities[compared] > 0.5)
     header = (tmp_path / "policy.h").read_text()
     assert "static inline int upright_push_right(" in header

@@ -257,7 +257,6 @@ def files(write):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "the agent is missing: name one, or give a policy to go on from: --from"),
         ("--from gone.npz", "'gone.npz'; there is no such file"),
         ("--from q.json", "holds only what it computes, as JSON does; .* ending in .npz"),
         ("reinforce --from q.npz", "learned by 'q-learning', not by 'reinforce'"),

@@ -62,6 +62,7 @@ agent failed: its code raised an exception, or it breaks the rules for agents.
 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright learn`."""
+    parser.set_defaults(check=_check)
     add(parser, "agent", nargs="?")
     parser.add_argument(
         "--from",
@@ -92,10 +93,14 @@ def add_options(parser: Parser) -> None:
     )
 
 
+def _check(options: argparse.Namespace) -> None:
+    """End with an error if no agent is named."""
+    if options.agent is None and options.start_policy is None:
+        options.parser.error("AGENT is missing; name one, or a policy to go on from: --from POLICY")
+
+
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright learn`."""
-    if options.agent is None and options.start_policy is None:
-        raise UprightError("the agent is missing: name one, or give a policy to go on from: --from")
     agents = [] if options.agent is None else [options.agent]
     for agent in agents:
         AGENTS.check(agent)

@@ -58,13 +58,19 @@ class Parser(argparse.ArgumentParser):
                 parser.set_defaults(command=module.run, parser=parser)
 
     def parse(self, arguments: Sequence[str]) -> argparse.Namespace:
-        """Return the options of a command line: with `command`, its function, and its `parser`."""
+        """Return the options of a command line: with `command`, its function, and its `parser`.
+
+        A command may set the default `check`, a function that refuses options which do not go
+        together; it is called with all of them.
+        """
         options, unknown = self.parse_known_args(arguments)
         if unknown:
             parser: Parser = options.parser
             flag = unknown[0].partition("=")[0]
             hint = did_you_mean(flag, parser._option_string_actions) if flag[0:1] == "-" else ""
             parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        if "check" in options:
+            options.check(options)
         return options
 
     def error(self, message: str) -> NoReturn:
