@@ -291,3 +291,12 @@ def test_a_policy_of_another_agent_or_of_changed_code_is_refused(write):
     other = make_case("q-learning", "as-published")
     with pytest.raises(UprightError, match="its array 'table' is float64 of shape"):
         make_run(other, 0, 0, policy=policy)
+
+
+def test_it_goes_on_on_a_simulator():
+    policy, _ = learn("random-search", steps=20, trials=2)
+    on, result = learn(policy, plant="mujoco", steps=30, trials=3)
+    assert on.plant["name"] == on.stages[1].task["plant"]["name"] == "mujoco"
+    assert [stage.trials for stage in on.stages] == [policy.stages[0].trials, result.trials]
+    back, _ = learn(on, steps=20, trials=2)
+    assert back.plant["name"] == "equations"
