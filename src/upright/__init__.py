@@ -73,7 +73,8 @@ Gymnasium
     ``import upright`` registers ``upright/CartPole-v0`` and ``upright/ContinuousCartPole-v0``
 What goes wrong
     `UprightError`: one line that names the value and what is allowed; `AgentError`, one of them,
-    if a custom agent failed; `AgentWarning`, if its results cannot be repeated
+    if a custom agent failed, and `PlantError` if a custom plant did; `AgentWarning`, if an agent's
+    results cannot be repeated
 
 ``help(upright.learn)``, and so on, gives the details of each, with an example. The command
 ``upright`` does the same from a terminal (``upright --help``). In the sources, README.md is the
@@ -103,6 +104,7 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.environments.vector_env import CartPoleVectorEnv as CartPoleVectorEnv
     from upright.errors import AgentError as AgentError
     from upright.errors import AgentWarning as AgentWarning
+    from upright.errors import PlantError as PlantError
     from upright.errors import UprightError as UprightError
     from upright.plants import PLANTS as PLANTS
     from upright.plants.equations import equations as equations
@@ -137,7 +139,7 @@ _PLACES = {
     "environments.cartpole_env": ("CartPoleEnv",),
     "environments.trial_protocol": ("RunOver", "TrialProtocol"),
     "environments.vector_env": ("CartPoleVectorEnv",),
-    "errors": ("AgentError", "AgentWarning", "UprightError"),
+    "errors": ("AgentError", "AgentWarning", "PlantError", "UprightError"),
     "plants": ("PLANTS",),
     "plants.equations": ("equations",),
     "policies.files": ("export_policy", "load_policy", "save_policy"),

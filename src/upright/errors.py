@@ -5,7 +5,7 @@ import re
 import reprlib
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 T = TypeVar("T")
 
@@ -23,7 +23,14 @@ class UprightError(ValueError):
     """
 
 
-class AgentError(UprightError):
+class CodeError(UprightError):
+    """Custom code failed: `AgentError` or `PlantError`."""
+
+    owner: ClassVar[str]
+    """What the code is: an agent or a plant."""
+
+
+class AgentError(CodeError):
     """A custom agent failed: its code raised an exception, or breaks the rules for agents.
 
     The first line of the message says what happened and in which run, trial and step. If the
@@ -37,6 +44,26 @@ class AgentError(UprightError):
     ...     print(str(error).splitlines()[0])  # doctest: +ELLIPSIS
     agent is 'fractions:Fraction'; ...
     """
+
+    owner = "agent"
+
+
+class PlantError(CodeError):
+    """A custom plant failed: its code raised an exception, or breaks the rules for plants.
+
+    The first line of the message says what happened and in which run, trial and step. If the
+    plant's code raised, its own traceback follows, and the exception is the `__cause__`.
+
+    Examples
+    --------
+    >>> try:
+    ...     upright.make_case("reinforce", plant="fractions:Fraction")
+    ... except upright.PlantError as error:
+    ...     print(str(error).splitlines()[0])  # doctest: +ELLIPSIS
+    plant is 'fractions:Fraction'; ...
+    """
+
+    owner = "plant"
 
 
 class AgentWarning(UserWarning):

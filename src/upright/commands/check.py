@@ -99,8 +99,9 @@ def agent_named(given: str) -> str:
     """
     from pathlib import Path
 
-    from upright.agents.checks.names import advice, agents_in, module_parts
+    from upright.agents.checks.names import advice, agents_in
     from upright.errors import UprightError
+    from upright.support.code_names import module_parts
 
     file, _, name = (given, "", "") if given.endswith(".py") else given.rpartition(":")
     if not file.endswith(".py"):

@@ -12,6 +12,7 @@ from upright.commands import make_parser
 from upright.commands.parser import Parser
 from upright.core.conditions import CONDITION_TERMS, CONDITIONS, NOISE_TERMS, NOISES
 from upright.core.terms import written
+from upright.plants import PLANTS
 
 SHELLS = ("bash", "zsh", "fish")
 """Shells that have a script."""
@@ -89,6 +90,8 @@ def run(options: argparse.Namespace) -> int:
         action.help = (action.help or "").partition(": ")[0]  # shells list the names themselves
         if kind == "AGENT":
             action.choices = tuple(AGENTS)
+        elif kind == "PLANT":
+            action.choices = tuple(PLANTS)
         elif kind in FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif kind == "FOLDER":

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from upright.agents import AGENTS
 from upright.commands.options import (
     CUSTOM_AGENTS,
+    CUSTOM_PLANTS,
     add,
     add_case_options,
     add_plant_options,
@@ -52,11 +53,13 @@ examples:
   upright learn --from policy.npz --condition delay-1 --save delayed.npz    go on learning
   upright learn --from policy.npz --plant mujoco --set learning_rate=0.005
   upright learn my_agent:MyAgent --from mine.npz    a custom agent goes on
+  upright learn reinforce --plant mujoco --plant-set model=my_cart.urdf
+  upright learn reinforce --plant my_module:MyPlant
   upright learn q-learning --window --size 1280     see it learn
   upright learn q-learning --video learning.mp4     the same as a video; needs no display
-{CUSTOM_AGENTS}\
+{CUSTOM_AGENTS}{CUSTOM_PLANTS}\
 exit status: 0 if it balanced, 1 if not, 2 if something asked for is not possible, 3 if a custom
-agent failed: its code raised an exception, or it breaks the rules for agents.
+agent or plant failed: its code raised an exception, or it breaks the rules for them.
 """
 
 

@@ -44,6 +44,11 @@ Custom agents: module:name, a class or function which, given a run's random numb
 agent with the methods begin_trial, act, learn and end_trial, or train(env) (see examples/).
 """
 """How a custom agent is named, for the end of a command's help."""
+CUSTOM_PLANTS = """\
+Custom plants: --plant module:name, a class or function which, given the parameters, returns a plant
+with the methods reset and step; or --plant mujoco --plant-set model=FILE, a URDF or MJCF file.
+"""
+"""How a custom plant is named, for the end of a command's help."""
 
 
 def _one_of(names: Any, default: str, text: str, metavar: str = "NAME") -> dict[str, Any]:
@@ -127,13 +132,19 @@ SHARED: dict[str, dict[str, Any]] = {
         "help": "take the agent's settings from this file, which tune --output wrote, instead of "
         "--settings",
     },
-    "--plant": _one_of(PLANTS, "equations", "the plant to balance (see upright plants)"),
+    "--plant": {
+        "default": "equations",
+        "metavar": "PLANT",
+        "help": f"the plant to balance (see upright plants): {', '.join(PLANTS.built_in)}, or "
+        "module:name of a custom one (default: %(default)s)",
+    },
     "--plant-set": {
         "action": "append",
         "default": [],
         "metavar": "NAME=VALUE",
         "dest": "plant_changes",
-        "help": "change one of the plant's settings (see upright plants); may be repeated",
+        "help": "change one of the plant's settings (see upright plants); may be repeated; with "
+        "--plant mujoco, model=FILE is a URDF or MJCF of your own",
     },
     "--seed": whole(0, "random seed; the same seed gives the same result"),
     "--runs": whole(RUNS, "independent runs of each case"),
@@ -340,6 +351,10 @@ def plant_of(options: argparse.Namespace) -> "PlantSettings":
 
     _refuse_misplaced("plant", options.plant_changes, options)
     changes = dict(pairs("--plant-set", options.plant_changes))
+    if changes and PLANTS.is_path(options.plant):
+        raise UprightError(
+            f"plant is {options.plant!r}; it has no settings that --plant-set could change"
+        )
     plant: PlantSettings | None = in_file(options).get("plant")
     if plant is None or plant.name != options.plant:
         plant = PLANTS.default(options.plant)

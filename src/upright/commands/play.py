@@ -35,6 +35,7 @@ examples:
   upright play policy.json                          written by export, or by another language
   upright play policy.npz --greedy                  the more probable push, without drawing
   upright play policy.npz --plant mujoco            on another plant
+  upright play policy.npz --plant mujoco --plant-set model=my_cart.urdf
   upright play policy.npz --parameter half_length=1.0   on a longer pole
   upright play policy.npz --task my-cart.toml       on the task of a file, written by --save-task
 exit status: 0 if no trial ended by a fall, 1 if one did, 2 if something asked for is not possible.

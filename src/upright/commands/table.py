@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from upright.agents import AGENTS
 from upright.commands.options import (
     CUSTOM_AGENTS,
+    CUSTOM_PLANTS,
     UNITS,
     add,
     add_plant_options,
@@ -34,6 +35,7 @@ examples:
   upright table --runs 100 --steps 600000 --store runs.sqlite   (interrupted? run it again)
   upright table --agents my_module:MyAgent,random-search --noises none --runs 20
   upright table --plant mujoco --agents reinforce,random-search --runs 20
+  upright table --plant my_module:MyPlant --agents reinforce,random-search --noises none
   upright table --agents q-learning,reinforce --noises none --set q-learning.discount=0.9,0.99
   upright table --agents adaptive-lqr --noises none --parameter half_length=0.25,0.5,1.0
   upright table --agents q-learning,random-search --noises none --parameter half_length=0.25:2:8
@@ -41,9 +43,9 @@ examples:
   upright table --agents q-learning,random-search --settings-file tuned.toml
   upright table --task my-cart.toml                written by hand, or by --save-task
   upright table --format json --output table.json
-{CUSTOM_AGENTS}\
+{CUSTOM_AGENTS}{CUSTOM_PLANTS}\
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
-failed; runs that had ended are in the store.
+or plant failed; runs that had ended are in the store.
 """
 
 

@@ -1,6 +1,7 @@
 """What the settings of all plants have in common."""
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from upright.errors import UprightError
 from upright.support.settings import Fields
@@ -24,13 +25,17 @@ class RunContext(NamedTuple):
     """Seed of the random numbers that the plant draws itself."""
     stop: "np.ndarray"
     """Shape (1,), bool. Once it is set, the plant may refuse its next step by raising `Stopped`."""
+    run: int = 0
+    """Number of the run within its study, for errors."""
 
 
 class PlantSettings(Fields, Protocol):
     """Settings of a plant, as a frozen dataclass."""
 
-    name: ClassVar[str]
-    """Name of the plant in PLANTS."""
+    @property
+    def name(self) -> str:
+        """Name of the plant in PLANTS, or its path `module:name`."""
+
     alone: ClassVar[bool]
     """Whether only one such plant exists, so that its runs cannot overlap."""
     can_change: ClassVar[bool]
@@ -41,6 +46,11 @@ class PlantSettings(Fields, Protocol):
 
     def version(self) -> str:
         """Return the version of the simulator behind the plant, or an empty string."""
+
+
+AnyPlant: TypeAlias = "str | PlantSettings | Callable[[Parameters], Any]"
+"""A plant by its name or path `module:name`, its settings, or the class or function of a custom
+one."""
 
 
 def count_steps(physics_step: float, time_step: float) -> int:

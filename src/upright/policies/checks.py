@@ -96,7 +96,7 @@ def read_task(task: dict[str, Any]) -> dict[str, Any]:
         plant = {"name": plant}
     elif not isinstance(plant, dict):
         raise ValueError(f"plant is {plant!r}; it must state its name and its settings")
-    require_one_of("plant", plant.get("name", ""), PLANTS)
+    PLANTS.check(str(plant.get("name", "")))
     if integrator is not None:
         require_one_of("integrator", integrator, INTEGRATORS)
         if plant["name"] == EQUATIONS.name:

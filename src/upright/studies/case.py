@@ -14,9 +14,9 @@ from upright.core.conditions import NOISES, condition_of
 from upright.core.contracts import AnyAgent
 from upright.core.task import TaskSpec
 from upright.errors import UprightError, require_one_of
-from upright.plants import PLANTS, describe_plant, restore_plant
+from upright.plants import PLANTS, describe_plant, plant_settings, restore_plant
 from upright.plants.equations import EQUATIONS
-from upright.plants.settings import PlantSettings
+from upright.plants.settings import AnyPlant, PlantSettings
 from upright.studies import matlab_twin
 from upright.studies.fingerprint import fingerprint
 from upright.support.settings import Fields, changed_values, values_of, with_values
@@ -134,11 +134,15 @@ class Case:
     @cached_property
     def key(self) -> str:
         """Everything that determines a run except its seed, including a digest of code, as JSON."""
+        return json.dumps(self.as_data() | {"rule": self.rule}, sort_keys=True)
+
+    @property
+    def rule(self) -> str:
+        """A digest of the code that determines a run, with the plant's version if it has one."""
         ours = self.language == "Python"
         rule = fingerprint(self.agent, self.plant.name) if ours else matlab_twin.twin_version()
-        if version := self.plant.version():
-            rule += f"-{version}"
-        return json.dumps(self.as_data() | {"rule": rule}, sort_keys=True)
+        version = self.plant.version()
+        return f"{rule}-{version}" if version else rule
 
     @classmethod
     def from_data(cls, values: Mapping[str, Any]) -> "Case":
@@ -186,7 +190,7 @@ def make_case(
     *,
     settings: Mapping[str, Any] = {},
     language: str = "Python",
-    plant: PlantSettings | str = EQUATIONS,
+    plant: AnyPlant = EQUATIONS,
     **task: Any,
 ) -> Case:
     """Return the case of an agent with named settings, some of which may be changed.
@@ -204,7 +208,8 @@ def make_case(
     language
         "Python", or "MATLAB" for the twin.
     plant
-        Name of a plant in `PLANTS`, or its settings.
+        Name of a plant in `PLANTS`, or its settings; or a custom one: `module:name`, or a class or
+        function which returns a plant when it is called with the parameters.
     **task
         Fields of `TaskSpec` by name; `parameters` may be a dictionary of those that differ from the
         published ones.
@@ -224,20 +229,19 @@ def make_case(
     """
     agent = name_of(agent)
     require_one_of("settings", label, ("default", "as-published"))
-    if isinstance(plant, str):
-        plant = PLANTS.default(plant)
-    if not hasattr(plant, "make"):
-        allowed = ", ".join(PLANTS)
-        raise UprightError(f"plant is {plant!r}; it must be one of {allowed}, or its settings")
+    body, spec = plant_settings(plant), TaskSpec.from_data(task)
     named = AGENTS.settings(agent)
     if is_custom(agent):
         named["default"].agent(np.random.default_rng(0))  # raises if it is not an agent
-        fingerprint(agent, plant.name)  # now, because the file may change once it is imported
+    if check := getattr(body, "check", None):  # of a body of the user's own
+        check(spec.parameters)
+    if is_custom(agent) or body.name not in PLANTS.built_in:
+        fingerprint(agent, body.name)  # now, because the files may change once they are imported
     label = label if label in named else "default"
     if settings:
         refuse_settings_of_custom(agent)
     changed = with_values(named[label], settings)
-    return Case(agent, label, changed, TaskSpec.from_data(task), language, plant)
+    return Case(agent, label, changed, spec, language, body)
 
 
 def refuse_settings_of_custom(agent: str) -> None:

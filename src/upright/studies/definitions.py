@@ -37,9 +37,9 @@ PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
 """Types of values which their text describes in full."""
 
 
-def is_in_main(agent: str) -> bool:
-    """Whether the path of an agent, `module:name`, leads to a script's or a notebook's own code."""
-    return agent.partition(":")[0] == MAIN
+def is_in_main(name: str) -> bool:
+    """Whether the path `module:name` of custom code leads into a script or a notebook."""
+    return name.partition(":")[0] == MAIN
 
 
 def digest_of(thing: object) -> tuple[str, set[str]]:
@@ -161,30 +161,33 @@ def _globals_of(code: CodeType) -> set[str]:
 # ------------------------------------------------------------------------- to other processes
 
 
-def pack(agents: Iterable[str]) -> bytes:
-    """Return the definitions of agents of this script or notebook as data for other processes.
+def pack(agents: Iterable[str], plants: Iterable[str] = ()) -> bytes:
+    """Return the definitions of agents and plants of this script or notebook, for other processes.
 
     Parameters
     ----------
-    agents
-        Paths of agents, `module:name`. Other processes can import those of modules.
+    agents, plants
+        Names of agents and of plants. Other processes can import those that modules define.
 
     Raises
     ------
     UprightError
-        If an agent uses something that cannot leave this process, such as an open file.
+        If an agent or a plant uses something that cannot leave this process, such as an open file.
     """
     from upright.studies.code_pickle import dumps  # imported late: it is rarely needed
 
     definitions = {}
-    for agent in filter(is_in_main, agents):
-        name = agent.partition(":")[2].partition(".")[0]
+    named = [("agent", agent) for agent in agents] + [("plant", plant) for plant in plants]
+    for kind, path in named:
+        if not is_in_main(path):
+            continue
+        name = path.partition(":")[2].partition(".")[0]
         definitions[name] = getattr(sys.modules[MAIN], name)
         try:
             dumps(definitions[name])
         except Exception as error:  # what pickling calls may raise anything
             raise UprightError(
-                f"agent is {agent!r}; what it uses cannot be copied to other processes: {error}"
+                f"{kind} is {path!r}; what it uses cannot be copied to other processes: {error}"
             ) from error
     cells = {name: entry for name, entry in linecache.cache.items() if entry[1:2] == (None,)}
     return dumps((definitions, cells))
@@ -211,7 +214,7 @@ def unpack() -> None:
             definitions, cells = pickle.loads(_received.pop())
         except Exception as error:
             raise UprightError(
-                f"the agents of the script or notebook cannot be copied to another process: {error}"
+                f"what the script or notebook defines cannot be copied to another process: {error}"
             ) from error
         vars(sys.modules[MAIN]).update(definitions)
         linecache.cache.update(cells)  # the texts of cells, for tracebacks

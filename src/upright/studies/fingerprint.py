@@ -3,7 +3,7 @@
 The files are found, not listed: all of `core/`, the modules here that make a run, and the modules
 of the agent and the plant with everything that they import, including data files that they name. An
 edit of any of them changes the key of runs, so a store never mixes results of two versions of a
-rule. For an agent that a script or a notebook defines, definitions.py finds what it uses.
+rule. For code that a script or a notebook defines, definitions.py finds what it uses.
 """
 
 import ast
@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from upright.agents import AGENTS, is_custom
-from upright.agents.custom import CustomAgent
 from upright.errors import UprightError
 from upright.plants import PLANTS
 from upright.studies.definitions import digest_of, is_in_main
+from upright.support.custom_code import CustomCode
 from upright.support.files import INSTALLED, PACKAGE, digest
 from upright.support.registry import Registry
 
@@ -31,27 +31,28 @@ WITHOUT_EFFECT = ("errors.py", "support", "pictures")
 
 
 _known: dict[tuple[str, str], tuple[object, str]] = {}
-"""Fingerprints of agents on plants, each with the class or function that it was computed for."""
+"""Fingerprints of agents on plants, each with the classes or functions it was computed for."""
 
 
 def fingerprint(agent: str, plant: str) -> str:
     """Return a digest of the code that determines a run of this agent on this plant.
 
-    It is that of the files when the agent was imported: later edits change it only once the agent's
-    module is imported again. The code of an agent in a script or a notebook may change at any time.
+    It is that of the files when agent and plant were imported: later edits change it only once
+    their modules are imported again. Code in a script or a notebook may change at any time.
 
     Parameters
     ----------
     agent
         Name of an agent, or `module:name` of a custom one.
     plant
-        Name of a plant.
+        Name of a plant, or `module:name` of a custom one.
     """
-    if is_in_main(agent):
+    if is_in_main(agent) or is_in_main(plant):
         return _fingerprint(agent, plant)
-    make = CustomAgent(agent).make() if AGENTS.is_path(agent) else None
+    things = ((AGENTS, agent), (PLANTS, plant))
+    make = [_code(registry, name).find() for registry, name in things if registry.is_path(name)]
     known = _known.get((agent, plant))
-    if known is None or known[0] is not make:
+    if known is None or known[0] != make:
         known = _known[agent, plant] = make, _fingerprint(agent, plant)
     return known[1]
 
@@ -64,7 +65,7 @@ def _fingerprint(agent: str, plant: str) -> str:
             ours.append(_file_of(registry[name]))
             continue
         if is_in_main(name):
-            code, used = digest_of(CustomAgent(name).make())
+            code, used = digest_of(_code(registry, name).find())
             others.append(code)
             ours += [file for _, file in _sources(used) if file.is_relative_to(PACKAGE)]
             sources = [source for source in _sources(used) if _is_own(*source)]
@@ -77,6 +78,12 @@ def _fingerprint(agent: str, plant: str) -> str:
     if is_custom(agent):
         ours.append(PACKAGE / GYMNASIUM)
     return "-".join([digest(sorted(determining_files(*ours)), PACKAGE), *others])
+
+
+def _code(registry: Registry[Any], name: str) -> CustomCode:
+    """Return the class or function at a path `module:name`."""
+    code: CustomCode = registry.default(name).code
+    return code
 
 
 def _file_of(module: str) -> Path:
@@ -103,7 +110,7 @@ def _is_own(module: str, file: Path) -> bool:
 def _source(registry: Registry[Any], name: str) -> tuple[str, Path]:
     """Return the module of a thing that is not of this package, and the file of the module."""
     if registry.is_path(name):
-        return name.partition(":")[0], CustomAgent(name).source()
+        return name.partition(":")[0], _code(registry, name).source()
     file = registry.module(name).__file__
     if file is None:
         raise UprightError(f"{registry.kind} is {name!r}; its module has no file")

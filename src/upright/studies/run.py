@@ -18,6 +18,7 @@ from upright.core.task import Task
 from upright.core.trials import Result
 from upright.errors import AgentError, require_kind, require_module, require_one_of
 from upright.plants import PLANTS
+from upright.plants.custom import reporting_trial
 from upright.plants.settings import RunContext
 from upright.policies.going_on import carry_over
 from upright.policies.policy import Policy
@@ -37,7 +38,7 @@ def make_run_task(case: Case, seed: int, run: int) -> Task:
 def make_plant(case: Case, seed: int, run: int, stop: np.ndarray) -> tuple[Plant, Task]:
     """Return the plant of a run, and the part of the task that is left to the loop."""
     plant_seed = int(sequence(seed, run, Stream.PLANT).generate_state(1)[0]) // 2  # below 2³¹
-    context = RunContext(make_run_task(case, seed, run), case.spec, plant_seed, stop)
+    context = RunContext(make_run_task(case, seed, run), case.spec, plant_seed, stop, run)
     return case.plant.make(context)
 
 
@@ -101,6 +102,8 @@ def make_run(
         If the plant fails, or the policy is another agent's.
     AgentError
         If a custom agent raises an exception, or breaks the rules for agents.
+    PlantError
+        If a custom plant does the same.
 
     Examples
     --------
@@ -120,7 +123,7 @@ def make_run(
         loop = choose_loop(case, agent, plant)
         if observer is not None:
             loop = observed_loop(loop, observer)
-        with _called(case, agent, run) as called:
+        with _watched(case, run, lengths), _called(case, agent, run) as called:
             if is_compiled(agent):
                 _compile(case, called, loop, plant, task)
                 if is_custom(case.agent):
@@ -163,6 +166,13 @@ def _called(case: Case, agent: Any, run: int) -> AbstractContextManager[Any]:
 
         return nullcontext(CheckedLearner(agent, case.agent, which))
     return checked(agent, case.agent, which)
+
+
+def _watched(case: Case, run: int, lengths: np.ndarray) -> AbstractContextManager[None]:
+    """Return a context that reports what a custom plant raises."""
+    if not PLANTS.is_path(case.plant.name):
+        return nullcontext()
+    return reporting_trial(case.plant.name, run, lengths)
 
 
 def outcome(

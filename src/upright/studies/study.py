@@ -18,7 +18,9 @@ from upright.agents import is_custom
 from upright.core.compiled import is_compiled
 from upright.core.conditions import RUNS
 from upright.core.trials import Result
-from upright.errors import AgentError, UprightError, require, require_all, require_kind
+from upright.errors import AgentError, PlantError, UprightError, require, require_all, require_kind
+from upright.plants.custom import CustomPlant
+from upright.plants.equations import EQUATIONS
 from upright.studies import matlab_twin
 from upright.studies.case import Case
 from upright.studies.definitions import is_in_main, pack, receive, unpack
@@ -31,15 +33,23 @@ from upright.support.processes import process_pool
 
 def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
     unpack()
-    # `case.key` was computed in the parent process; this one may have imported a changed agent.
-    if not is_in_main(case.agent) and _has_changed(case):
-        raise UprightError(f"agent is {case.agent!r}; its source changed after it was imported")
+    # `case.key` was computed in the parent process; this one may have imported changed code.
+    if not (is_in_main(case.agent) or is_in_main(case.plant.name)) and _has_changed(case):
+        raise UprightError(f"{_changeable(case)}; its source changed after it was imported")
     return make_run(case, seed, run, stop=stop)[1]
 
 
 def _doubt(case: Case) -> str:
     unpack()
     return doubt_about(case)
+
+
+def _changeable(case: Case) -> str:
+    """Return what of a case may change while a study goes on, in words."""
+    agent, plant = f"agent is {case.agent!r}", f"plant is {case.plant.name!r}"
+    if case.plant == EQUATIONS:
+        return agent
+    return f"{agent} and {plant}" if is_custom(case.agent) else plant
 
 
 def _has_changed(case: Case) -> bool:
@@ -72,8 +82,8 @@ def study(
         Called with each result as its run finishes.
     executor
         Where to run. By default there is one thread per core, which is enough for compiled runs; or
-        one process per core if an agent is plain Python, which uses one core at a time. Runs of the
-        MATLAB twin have their own processes.
+        one process per core if an agent or a plant is plain Python, which uses one core at a time.
+        Runs of the MATLAB twin have their own processes.
 
     Returns
     -------
@@ -83,10 +93,10 @@ def study(
     Raises
     ------
     UprightError
-        If `runs` or `seed` is not a whole number in its range, a custom agent was defined anew
-        since its case was made, or MATLAB or Octave is needed but missing.
-    AgentError
-        If a custom agent fails; the runs that have ended are in the store.
+        If `runs` or `seed` is not a whole number in its range, custom code was defined anew since
+        its case was made, or MATLAB or Octave is needed but missing.
+    AgentError, PlantError
+        If a custom agent or plant fails; the runs that have ended are in the store.
     KeyboardInterrupt
         If interrupted; the runs that have ended are in the store.
 
@@ -104,8 +114,8 @@ def study(
         with Store() as memory:
             return study(cases, runs, seed, memory, on_result, executor)
     for case in cases:
-        if is_custom(case.agent) and _has_changed(case):
-            raise UprightError(f"agent is {case.agent!r}; it changed after its case was made")
+        if (is_custom(case.agent) or case.plant != EQUATIONS) and _has_changed(case):
+            raise UprightError(f"{_changeable(case)}; it changed after its case was made")
     missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
     twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
@@ -168,29 +178,45 @@ def _study_here(
         if not processes:  # else the pool itself ends them, and complains of those cancelled
             for future in futures:
                 future.cancel()
-        if isinstance(error, BrokenProcessPool) and custom:
-            names = sorted({case.agent for case in custom.values()})
-            raise AgentError(
-                f"agent is {' or '.join(map(repr, names))}; the process of its run ended without "
-                "an error: the agent ended it, crashed in a library, or had no memory left"
-            ) from error
+        if isinstance(error, BrokenProcessPool) and any(map(_is_custom, missing)):
+            raise _ended(list(missing)) from error
         raise
     finally:
         if executor is None:
             workers.shutdown(wait=False)
 
 
+def _is_custom(case: Case) -> bool:
+    """Whether code of a case is custom, so that it may have ended its process."""
+    return is_custom(case.agent) or isinstance(case.plant, CustomPlant)
+
+
+def _ended(cases: list[Case]) -> UprightError:
+    """Return the error about a process that ended without one, for want of knowing why."""
+    agents = sorted({case.agent for case in cases if is_custom(case.agent)})
+    plants = sorted({case.plant.name for case in cases if isinstance(case.plant, CustomPlant)})
+    kind, names = (AgentError, agents) if agents else (PlantError, plants)
+    return kind(
+        f"{kind.owner} is {' or '.join(map(repr, names))}; the process of its run ended without "
+        f"an error: the {kind.owner} ended it, crashed in a library, or had no memory left"
+    )
+
+
 def _workers(cases: list[Case]) -> Executor:
-    """Return an executor with one thread per core, or one process if an agent is plain Python.
+    """Return an executor with one thread per core, or processes if custom code is plain Python.
 
     If only one such plant exists, there is a single worker.
     """
     if any(case.plant.alone for case in cases):
         return ThreadPoolExecutor(1)
-    custom = {case.settings for case in cases if is_custom(case.agent)}
-    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in custom):
+    agents = {case.settings for case in cases if is_custom(case.agent)}
+    plants = {case.plant for case in cases if isinstance(case.plant, CustomPlant)}
+    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in agents) and all(
+        plant.is_compiled() for plant in plants
+    ):
         return ThreadPoolExecutor(cpu_count())
-    return process_pool(receive, pack(case.agent for case in cases))
+    names = {case.agent for case in cases}, {case.plant.name for case in cases}
+    return process_pool(receive, pack(*map(sorted, names)))
 
 
 def check_study(runs: int, seed: int) -> None:

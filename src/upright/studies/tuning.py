@@ -32,7 +32,6 @@ from upright.core.parameters import changed_parameters
 from upright.errors import UprightError, require, require_module
 from upright.plants import PLANTS
 from upright.studies.case import Case
-from upright.studies.fingerprint import fingerprint
 from upright.studies.intervals import bootstrap_interval
 from upright.studies.search_space import Range
 from upright.studies.settings_file import settings_text
@@ -95,7 +94,7 @@ class Search:
             "space": [list(range_) for range_ in self.space],
             "runs": self.runs,
             "seed": self.seed,
-            "rule": fingerprint(first.agent, first.plant.name),
+            "rule": first.rule,
         }
         plain: dict[str, Any] = json.loads(json.dumps(values))
         return plain

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
-from upright.errors import AgentError, AgentWarning, Stopped, UprightError
+from upright.errors import AgentWarning, CodeError, Stopped, UprightError
 from upright.support.terminal import end_notice, prepare_streams
 
 FAILED, BAD_USE, AGENT_FAILED, UNWRITTEN, INTERRUPTED = 1, 2, 3, 74, 130
-"""Exit statuses besides 0: not balanced, not possible, a custom agent's error, output that cannot
-be written (EX_IOERR of sysexits.h), and Ctrl-C."""
+"""Exit statuses besides 0: not balanced, not possible, the error of a custom agent
+or plant, output that cannot be written (EX_IOERR of sysexits.h), and Ctrl-C."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a disk or a device that takes no more."""
 
@@ -21,7 +21,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 def exit_status(work: Callable[[], int]) -> int:
     """Run a command and return its exit status; explain a failure on standard error.
 
-    The explanation is one line, which the traceback of a custom agent's own code may follow.
+    The explanation is one line, which the traceback of custom code may follow.
     """
     prepare_streams()
     try:
@@ -33,7 +33,7 @@ def exit_status(work: Callable[[], int]) -> int:
             sys.stdout.flush()  # fails here, where it can be explained, not as Python ends
     except UprightError as error:
         _explain(f"error: {error}")
-        return AGENT_FAILED if isinstance(error, AgentError) else BAD_USE
+        return AGENT_FAILED if isinstance(error, CodeError) else BAD_USE
     except (KeyboardInterrupt, Stopped):
         _explain("stopped")
         return INTERRUPTED

@@ -20,7 +20,8 @@ from upright.support.numbers import whole_number
 class Fields(Protocol):
     """Any dataclass.
 
-    Its class attribute `RENAMED`, if any, maps former names of settings to present ones.
+    Its class attribute `RENAMED`, if any, maps former names of settings to present ones; `ADDED`
+    has the names of those that files of earlier versions lack, and that have their default there.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -56,7 +57,7 @@ def changed_values(usual: Fields, settings: Fields) -> dict[str, Any]:
 def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
     """Return settings of the same class as the default ones, with values read from JSON.
 
-    Former names of settings are accepted.
+    Former names of settings are accepted, and settings that were added since may be missing.
 
     Raises
     ------
@@ -64,7 +65,8 @@ def restored(default: S, values: Mapping[str, Any], owner: str) -> S:
         If the values are not the owner's settings, or are not allowed.
     """
     values = _by_present_name(default, values)
-    if values.keys() != values_of(default).keys():
+    own, added = values_of(default), set(getattr(default, "ADDED", ()))
+    if values.keys() | added != own.keys():
         raise UprightError(f"the settings {', '.join(map(repr, values))} are not those of {owner}")
     return with_values(default, values)
 

@@ -1,10 +1,9 @@
 """Check that a new agent has the methods that the loop calls, with the parameters it passes."""
 
-import inspect
-from collections.abc import Callable
 from typing import Any
 
 from upright.errors import AgentError
+from upright.support.custom_code import mismatch
 
 METHODS = {
     "begin_trial": ("rng",),
@@ -48,30 +47,10 @@ def check_contract(name: str, agent: object) -> None:
         )
     given = {method: call for method, call in OPTIONAL.items() if hasattr(agent, method)}
     calls = needed | given
-    wrong = [text for method, call in calls.items() if (text := _mismatch(agent, method, call))]
+    wrong = [text for method, call in calls.items() if (text := mismatch(agent, method, call))]
     if wrong:
         raise AgentError(f"agent is {name!r}; {'; '.join(wrong)}")
 
 
 def _listed(methods: Any) -> str:
     return ", ".join(f"{method}({', '.join((METHODS | TRAIN)[method])})" for method in methods)
-
-
-def _mismatch(agent: object, name: str, call: tuple[str, ...]) -> str:
-    """Return how a method is defined and how it must be; empty if it can be called so."""
-    method = getattr(agent, name)
-    try:
-        inspect.signature(method).bind(*call)
-    except TypeError:
-        pass
-    except ValueError:  # nothing is known of its parameters, as for some functions written in C
-        return ""
-    else:
-        return ""
-    if not callable(method):
-        return f"{name} is {method!r}; it must be a method {name}(self, {', '.join(call)})"
-    function: Callable[..., Any] = getattr(method, "__func__", method)
-    own = ("self",) if function is not method else ()
-    plain = [p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values()]
-    defined = inspect.Signature(plain)
-    return f"{name}{defined} must be {name}({', '.join((*own, *call))})"

@@ -1,0 +1,171 @@
+"""Custom code: classes and functions of the user's own, named `module:name`."""
+
+import inspect
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from upright.errors import CodeError, UprightError, did_you_mean
+from upright.support.faults import RAISED, fault
+
+
+class CustomCode(NamedTuple):
+    """A class or function that is found by its name, and imported only when it is needed."""
+
+    path: str
+    """Where it is found: `module:name`."""
+    error: type[CodeError]
+    """The error of such code, which says what it makes: an agent or a plant."""
+    advice: Callable[[str], str]
+    """Returns what to write in place of a wrong path, or an empty string."""
+
+    @property
+    def _is(self) -> str:
+        return f"{self.error.owner} is {self.path!r}"
+
+    def find(self) -> Callable[..., Any]:
+        """Return the class or function.
+
+        Raises
+        ------
+        UprightError
+            If there is none of this name.
+        CodeError
+            If its module cannot be imported.
+        """
+        module, name = self._module(), self.path.partition(":")[2]
+        found: Any = module
+        for part in name.split("."):
+            found = getattr(found, part, None)
+        if not callable(found):
+            names = (key for key, value in vars(module).items() if callable(value))
+            hint = did_you_mean(name, names)
+            raise UprightError(
+                f"{self._is}; there is no class or function {name!r} in {module.__name__}{hint}"
+            )
+        return found  # type: ignore[no-any-return]
+
+    def call(self, argument: object, what: str) -> Any:
+        """Return what the class or function returns, given this argument.
+
+        Parameters
+        ----------
+        argument
+            The only argument.
+        what
+            What the argument is, in words.
+
+        Raises
+        ------
+        UprightError
+            If there is none of this name.
+        CodeError
+            If it cannot be called with this argument alone, or raises an exception.
+        """
+        make = self.find()
+        try:
+            inspect.signature(make).bind(argument)
+        except TypeError as error:
+            reason = f"it must be callable with {what} alone: {error}"
+            raise self.error(f"{self._is}; {reason}") from None
+        except ValueError:  # nothing is known of its parameters, as for some functions written in C
+            pass
+        try:
+            return make(argument)
+        except CodeError:  # it is reported already
+            raise
+        except RAISED as error:
+            raise fault(self.error, self.path, "it cannot be created", error) from error
+
+    def summary(self) -> str:
+        """Return the first line of its docstring or of its module's; empty if there is none."""
+        return (inspect.getdoc(self.find()) or self._module().__doc__ or "").partition("\n")[0]
+
+    def source(self) -> Path:
+        """Return the file of its module.
+
+        Raises
+        ------
+        UprightError
+            If the module has no file.
+        """
+        file = self._module().__file__
+        if file is None:
+            raise UprightError(f"{self._is}; its module has no file")
+        return Path(file)
+
+    def _module(self) -> ModuleType:
+        """Return the module; it may also be in the current folder, as for Python itself."""
+        name = self.path.partition(":")[0]
+        if not all(part.isidentifier() for part in name.split(".")) or Path(name).is_file():
+            why = self.advice(self.path) or f"{name!r} is not the name of a module"
+            raise UprightError(f"{self._is}; {why}")
+        if os.getcwd() not in sys.path:
+            sys.path.insert(0, os.getcwd())
+        try:
+            return import_module(name)
+        except RAISED as error:
+            if _is_missing(name, error):
+                why = f"there is no module {name!r} in this folder or where Python looks"
+                raise UprightError(f"{self._is}; {why}") from error
+            raise fault(self.error, self.path, "its module cannot be imported", error) from error
+
+
+def _is_missing(name: str, error: BaseException) -> bool:
+    """Whether importing the module `name` failed because it, or a package above it, is missing."""
+    missing = getattr(error, "name", None)
+    return isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{missing}.")
+
+
+def path_of(thing: Any, error: type[CodeError], find: Callable[[str], object]) -> str:
+    """Return the path `module:name` of a class or function.
+
+    Parameters
+    ----------
+    thing
+        The class or function.
+    error
+        The error of such code.
+    find
+        Returns what stands at a path.
+
+    Raises
+    ------
+    UprightError
+        If it has no such path, or what stands there is not this class or function.
+    """
+    path = f"{thing.__module__}:{thing.__qualname__}"
+    if "<" in path.partition(":")[2]:  # of a lambda, or within a function
+        raise UprightError(
+            f"{error.owner} is {path!r}; it must be defined at the top level of a module, a script "
+            "or a notebook, under a name"
+        )
+    if find(path) is not thing:
+        raise UprightError(
+            f"{error.owner} is {path!r}; another class or function has that name now"
+        )
+    return path
+
+
+def mismatch(thing: object, name: str, call: tuple[str, ...]) -> str:
+    """Return how a method is defined and how it must be; empty if it can be called so."""
+    method = getattr(thing, name)
+    try:
+        inspect.signature(method).bind(*call)
+    except TypeError:
+        pass
+    except ValueError:  # nothing is known of its parameters, as for some functions written in C
+        return ""
+    else:
+        return ""
+    if not callable(method):
+        return f"{name} is {method!r}; it must be a method {name}(self, {', '.join(call)})"
+    function: Callable[..., Any] = getattr(method, "__func__", method)
+    own = ("self",) if function is not method else ()
+    plain = [p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values()]
+    defined = inspect.Signature(plain)
+    return f"{name}{defined} must be {name}({', '.join((*own, *call))})"
