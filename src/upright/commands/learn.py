@@ -33,7 +33,7 @@ from upright.commands.options import (
     whole,
 )
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_of_compilation
+from upright.commands.showing import tell_what_was_found, telling_of_compilation
 from upright.errors import UprightError
 from upright.support.exit_status import FAILED
 
@@ -131,8 +131,10 @@ def _learn(options: argparse.Namespace) -> int:
     if options.save:
         check_learned(options.save, case)
     save_task_of(options, [case])
-    if start and not options.quiet:
-        print(describe_going_on(start), flush=True)
+    if not options.quiet:
+        tell_what_was_found(case)
+        if start:
+            print(describe_going_on(start), flush=True)
     memory, result = watch_run(
         case,
         options.seed,

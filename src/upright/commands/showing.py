@@ -11,6 +11,7 @@ from upright.support import terminal
 
 if TYPE_CHECKING:
     from upright.reports.statistics import Row
+    from upright.studies.case import Case
 
 
 def put(text: str, output: str | None) -> None:
@@ -70,6 +71,14 @@ def print_settings(named: Mapping[str, Any]) -> None:
     for setting, text in describe_settings(next(iter(named.values()))).items():
         values = ", ".join(f"{label} {getattr(s, setting)!r}" for label, s in named.items())
         print(f"  {setting}: {text}\n      {values}")
+
+
+def tell_what_was_found(case: "Case") -> None:
+    """Say on standard error what was found in a model of the user's own, if a case has one."""
+    if not (found := getattr(case.plant, "found", None)):
+        return
+    if told := "; ".join(f"{what}: {text}" for what, text in found(case.spec.parameters).items()):
+        print(f"upright: found in the model: {told}", file=sys.stderr)
 
 
 @contextmanager

@@ -68,6 +68,8 @@ class Mujoco:
 
     def __post_init__(self) -> None:
         """Refuse impossible settings."""
+        for name in ("model", "zero"):  # a path and a number will do too
+            object.__setattr__(self, name, str(getattr(self, name)))
         require("physics_step", self.physics_step, 0)
         if self.integrator:
             require_one_of("integrator", self.integrator, INTEGRATORS)

@@ -87,12 +87,15 @@ def load(mujoco: Any, path: str) -> Any:
         content = Path(path).read_bytes()
     except OSError as error:
         raise UprightError(f"model is {path!r}; it cannot be read: {error.strerror}") from None
+    if b"<xacro:" in content:  # which MuJoCo would skip without a word
+        raise UprightError(
+            f"model is {path!r}; it has macros: xacro {path} > model.urdf expands them"
+        )
     try:
         model = mujoco.MjModel.from_xml_path(path)
     except (ValueError, OverflowError) as error:
-        hint = "; run xacro on it first" if b"<xacro:" in content else ""
         why = " ".join(str(error).split())
-        raise UprightError(f"model is {path!r}; MuJoCo cannot read it: {why}{hint}") from None
+        raise UprightError(f"model is {path!r}; MuJoCo cannot read it: {why}") from None
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     if b"<robot" in content:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT

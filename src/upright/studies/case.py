@@ -234,7 +234,7 @@ def make_case(
     if is_custom(agent):
         named["default"].agent(np.random.default_rng(0))  # raises if it is not an agent
     if check := getattr(body, "check", None):  # of a body of the user's own
-        check(spec.parameters)
+        check(spec.task().parameters)
     if is_custom(agent) or body.name not in PLANTS.built_in:
         fingerprint(agent, body.name)  # now, because the files may change once they are imported
     label = label if label in named else "default"
