@@ -131,6 +131,7 @@ def prepared(tmp_path_factory):
         upright.study(cases, runs=3, store=store)
     learner = "class PPO:\n    def __init__(self, rng): ...\n\n    def train(self, env): ...\n"
     (folder / "my_learners.py").write_text(learner)
+    shutil.copy(ROOT / "tests/data/models/sideways.urdf", folder / "my_cart.urdf")
     return folder
 
 

@@ -39,6 +39,12 @@ def settings(name, **changes):
     return Mujoco(model=str(MODELS / name), **changes)
 
 
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """Let MuJoCo write its log of warnings into a temporary folder."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture
 def mjcf(tmp_path):
     """Return a function that writes an MJCF file around bodies, and returns settings with it."""
@@ -159,7 +165,8 @@ def test_a_track_that_ends_has_its_middle_at_0(mjcf):
 # ------------------------------------------------------------------------------ what is given
 
 
-TWO_SLIDES = f'<body><joint name="sledge" type="slide" axis="1 0 0"/>{CART}{POLE}</body>'
+SLEDGE = '<joint name="sledge" type="slide" axis="1 0 0"/><geom size=".2"/>'
+TWO_SLIDES = f"<body>{SLEDGE}<body>{CART}{POLE}</body></body>"
 TWO_HINGES = f"<body>{CART}{POLE}{POLE.replace('hinge', 'other')}</body>"
 LOW_POLE = POLE.replace("/>", ' limited="true" range="90 270"/>', 1)
 ONE_WAY = '<actuator><motor joint="slide" ctrllimited="true" ctrlrange="0 1"/></actuator>'

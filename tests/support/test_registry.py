@@ -154,9 +154,10 @@ def test_custom_things_are_named_by_module_and_name(shapes):
 
 
 def test_where_nothing_is_custom_a_path_is_an_unknown_name():
-    assert not PLANTS.is_path("elsewhere:Plant")
-    with pytest.raises(UprightError, match=r"plant is 'elsewhere:Plant'; it must be one of equa"):
-        PLANTS.check("elsewhere:Plant")
+    shapes = Registry("shape", {"circle": "shapes.circle"})
+    assert not shapes.is_path("elsewhere:Shape")
+    with pytest.raises(UprightError, match=r"shape is 'elsewhere:Shape'; it must be one of circle"):
+        shapes.check("elsewhere:Shape")
 
 
 def test_installed_packages_add_to_it_and_replace_nothing(shapes, tmp_path):

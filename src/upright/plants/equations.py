@@ -133,6 +133,7 @@ class EquationsSettings:
     name: ClassVar[str] = "equations"
     alone: ClassVar[bool] = False
     can_change: ClassVar[bool] = True
+    """Whether parameters can change within a run; plants that do not say so cannot."""
 
     def __post_init__(self) -> None:
         """Refuse unknown integrators."""

@@ -7,6 +7,7 @@ positions are positive. What is not clear is refused with what was found, and se
 
 import hashlib
 import math
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,8 @@ from upright.support.words import count
 
 OF_THE_TASK = ("force", "time_step", "position_limit", "angle_limit")
 """The parameters that belong to the task; all others are physics, and the model's own."""
+URDF = re.compile(rb"(?:\s|\xef\xbb\xbf|<\?.*?\?>|<!--.*?-->)*<robot\b", re.DOTALL)
+"""How a URDF file begins; any other is MJCF."""
 SLANT = 0.2
 """Largest cosine at which two axes count as being at a right angle: 12° off."""
 SMALL = 1e-6
@@ -88,16 +91,14 @@ def load(mujoco: Any, path: str) -> Any:
     except OSError as error:
         raise UprightError(f"model is {path!r}; it cannot be read: {error.strerror}") from None
     if b"<xacro:" in content:  # which MuJoCo would skip without a word
-        raise UprightError(
-            f"model is {path!r}; it has macros: xacro {path} > model.urdf expands them"
-        )
+        raise UprightError(f"model is {path!r}; expand its macros: xacro {path} > model.urdf")
     try:
         model = mujoco.MjModel.from_xml_path(path)
     except (ValueError, OverflowError) as error:
         why = " ".join(str(error).split())
         raise UprightError(f"model is {path!r}; MuJoCo cannot read it: {why}") from None
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    if b"<robot" in content:
+    if URDF.match(content):
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return model
 

@@ -38,8 +38,6 @@ class PlantSettings(Fields, Protocol):
 
     alone: ClassVar[bool]
     """Whether only one such plant exists, so that its runs cannot overlap."""
-    can_change: ClassVar[bool]
-    """Whether its parameters can change within a run; False if it is missing."""
 
     def make(self, context: RunContext) -> "tuple[Plant, Task]":
         """Return the plant for a run, and the part of the task that is left to the loop."""
