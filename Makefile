@@ -38,8 +38,10 @@ lint: .venv/developed
 	$(BIN)/mypy
 	$(BIN)/mh_lint --brief matlab benchmarks
 
+# A worker on each core, then alone what balances by the wall clock.
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto -m "not timing"
+	$(BIN)/pytest -m timing $$(grep -rl --include=*.py mark.timing tests)
 
 coverage: .venv/developed
 	$(BIN)/python tools/measure_coverage.py

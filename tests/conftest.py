@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from textwrap import dedent
 from typing import NamedTuple
 
@@ -44,6 +45,23 @@ PROGRAMS = {
     ),
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
 }
+
+TESTS = Path(__file__).parent
+FIRST = (
+    "nodes/test_ros2.py",
+    "agents/test_agents.py",
+    "plants/test_gazebo.py",
+    "agents/test_adaptive_lqr.py",
+    "test_package.py",
+    "studies/test_matlab_twin.py",
+    "test_same_trials.py",
+    "test_notebooks.py",
+    "test_benchmarks.py",
+)
+"""The files that take longest: workers start with them, so that none is left with one at the end.
+
+Of two that stand together, at most one compiles the agents, which both would do at the same time.
+"""
 
 # Shells start background jobs with SIGINT ignored, which child processes inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -102,8 +120,11 @@ def _close_octave():
     SESSION.close()
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Skip tests that need a missing program, unless its environment variable demands them."""
+    """Put FIRST first, and skip tests of missing programs, unless a variable demands them."""
+    place = {TESTS / name: number for number, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path, len(FIRST)))
     missing = [name for name, program in PROGRAMS.items() if not program.is_wanted()]
     for item in items:
         for name in missing:

@@ -7,7 +7,9 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -240,6 +242,34 @@ def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
         timeout=300,
         check=False,
     )
+
+
+_domains = itertools.count(os.getpid())
+_LOCKS = Path(tempfile.gettempdir())
+
+
+@contextmanager
+def ros_domain() -> Iterator[dict[str, str]]:
+    """Claim a ROS domain of this machine that no other process of tests uses meanwhile.
+
+    It is another one each time, as a killed node still counts in its domain for a while.
+
+    Yields
+    ------
+    dict
+        The environment variables of nodes in this domain.
+    """
+    import fcntl  # only where ROS 2 is
+
+    for number in _domains:
+        domain = str(1 + number % 100)
+        with open(_LOCKS / f"upright-ros-domain-{domain}", "w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+            return
 
 
 def write_results(path: Path, key: str, first: int, last: int, barrier: Any) -> None:

@@ -1,10 +1,11 @@
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
 
 import pytest
-from helpers import ROOT
+from helpers import ROOT, ros_domain
 
 pytestmark = pytest.mark.slow
 BENCHMARKS = ROOT / "benchmarks"
@@ -13,7 +14,10 @@ BENCHMARKS = ROOT / "benchmarks"
 def measured(script, *options):
     """Return what a script prints."""
     command = [sys.executable, BENCHMARKS / script, *options]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    with ros_domain() as own:
+        result = subprocess.run(
+            command, env=os.environ | own, capture_output=True, text=True, timeout=300
+        )
     assert result.returncode == 0, result.stderr
     return result.stdout
 

@@ -14,7 +14,6 @@ and say in the commit message why figures changed. Figures of a program that is 
 import hashlib
 import itertools
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -27,7 +26,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from helpers import ROOT
+from helpers import ROOT, ros_domain
 
 import upright  # noqa: F401 - makes the environments known
 from upright.agents import AGENTS
@@ -257,30 +256,23 @@ def figures_of_vector(name: str, mode: str, **options: Any) -> Figures:
 @contextmanager
 def simulator() -> Iterator[None]:
     """Run ROS 2's simulator in a process and a domain of its own."""
-    own = {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-    before = {name: os.environ.get(name) for name in own}
-    os.environ.update(own)
-    process = subprocess.Popen(
-        [*COMMAND, "ros2", "simulate"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        line = process.stdout.readline()  # type: ignore[union-attr]
-        assert line.startswith("simulating equations"), line or process.communicate()[1]
-        yield
-    finally:
-        process.terminate()
-        process.communicate(timeout=60)
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
+    with ros_domain() as own, pytest.MonkeyPatch.context() as patch:
+        for name, value in own.items():
+            patch.setenv(name, value)
+        process = subprocess.Popen(
+            [*COMMAND, "ros2", "simulate"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            line = process.stdout.readline()  # type: ignore[union-attr]
+            assert line.startswith("simulating equations"), line or process.communicate()[1]
+            yield
+        finally:
+            process.terminate()
+            process.communicate(timeout=60)
 
 
 def figures_over_ros2(agent: str, **task: Any) -> Figures:

@@ -1,6 +1,5 @@
 """Real nodes in real processes, in domains of their own on this machine alone."""
 
-import itertools
 import math
 import os
 import re
@@ -11,7 +10,7 @@ import time
 from importlib.util import find_spec
 
 import pytest
-from helpers import ROOT, make_context, make_task
+from helpers import ROOT, make_context, make_task, ros_domain
 
 from upright.commands import run
 from upright.core.parameters import State
@@ -36,18 +35,16 @@ COMMAND = [sys.executable, "-m", "upright"]
 EXAMPLE = ROOT / "examples/ros2_cart.py"
 LIMIT = 90
 """Time limit of every process [s]."""
-DOMAINS = itertools.count(os.getpid())
 STATE = State(0.1, -0.2, 0.03, 0.4)
 
 
 @pytest.fixture(autouse=True)
 def domain(monkeypatch, tmp_path):
-    """A ROS domain for each test, as a killed node still counts in its domain for a while."""
-    number = 1 + next(DOMAINS) % 100
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    return number
+    """A ROS domain for each test; its number."""
+    with ros_domain() as own:
+        for name, value in (own | {"ROS_LOG_DIR": str(tmp_path)}).items():
+            monkeypatch.setenv(name, value)
+        yield own["ROS_DOMAIN_ID"]
 
 
 @pytest.fixture

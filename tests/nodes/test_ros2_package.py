@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from helpers import ROOT
+from helpers import ROOT, ros_domain
 
 import upright
 from upright.nodes.settings import LearnerSettings, SimulatorSettings
@@ -186,8 +186,6 @@ def start(installed, tmp_path):
         path = tmp_path / "changed.yaml"
         path.write_text(text.replace(old, new))
         own = {
-            "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(tmp_path),
             "PYTHONPATH": os.pathsep.join(
                 [str(installed.modules), *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -196,7 +194,7 @@ def start(installed, tmp_path):
         program = installed.prefix / "lib/upright_ros" / node
         process = subprocess.Popen(
             [sys.executable, program, "--ros-args", "--params-file", path, *arguments],
-            env=os.environ | own,
+            env=os.environ | domain | own,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -205,10 +203,11 @@ def start(installed, tmp_path):
         return process
 
     processes = []
-    yield started
-    for process in processes:
-        process.kill()
-        process.communicate(timeout=LIMIT)
+    with ros_domain() as domain:
+        yield started
+        for process in processes:
+            process.kill()
+            process.communicate(timeout=LIMIT)
 
 
 @needs_ros2

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from helpers import PUSHES, FinePlant, make_context, make_task, trajectory
+from helpers import PUSHES, FinePlant, make_context, make_task, ros_domain, trajectory
 from matplotlib.image import imread
 
 from upright.commands import run
@@ -155,9 +155,11 @@ def test_the_same_seed_makes_the_same_trials():
 
 def test_the_ros_2_simulator_can_use_gazebo(learner, monkeypatch):
     pytest.importorskip("rclpy")
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    process = learner("ros2 demo adaptive-lqr --plant gazebo --steps 500")
-    out, told = process.communicate(timeout=LIMIT)
+    with ros_domain() as own:
+        for name, value in own.items():
+            monkeypatch.setenv(name, value)
+        process = learner("ros2 demo adaptive-lqr --plant gazebo --steps 500")
+        out, told = process.communicate(timeout=LIMIT)
     assert process.returncode == 0, told
     assert out.startswith("simulating gazebo in lock-step")
     assert re.search(r"^trial +\d+ +500 steps", out, re.M)
