@@ -311,13 +311,18 @@ def without_times(rows):
     return [{name: row[name] for name in row if name != "seconds"} for row in rows]
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What the study shows that nobody stops."""
+    process = start(tmp_path_factory.mktemp("whole"), *LONG)
+    shown, _ = process.communicate(timeout=300)
+    assert process.returncode == 0
+    return shown
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_a_stopped_study_keeps_its_runs_and_can_be_resumed(how, tmp_path):
-    whole = start(tmp_path, *[word.replace("runs.sqlite", "whole.sqlite") for word in LONG])
-    expected, _ = whole.communicate(timeout=300)
-    assert whole.returncode == 0
-
+def test_a_stopped_study_keeps_its_runs_and_can_be_resumed(how, tmp_path, whole):
     process = start(tmp_path, *LONG)
     wait_for_runs(tmp_path / "runs.sqlite", 5, process)
     process.send_signal(how)
@@ -332,7 +337,7 @@ def test_a_stopped_study_keeps_its_runs_and_can_be_resumed(how, tmp_path):
     again = start(tmp_path, *LONG)
     shown, _ = again.communicate(timeout=300)
     assert again.returncode == 0
-    assert without_times(json.loads(shown)) == without_times(json.loads(expected))
+    assert without_times(json.loads(shown)) == without_times(json.loads(whole))
 
 
 @pytest.mark.parametrize(

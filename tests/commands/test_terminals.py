@@ -83,13 +83,18 @@ def test_lists_fit_ascii(words, stream):
     assert "\\u" not in shown
 
 
+@pytest.fixture(scope="module")
+def usual():
+    """What learning prints where every sign can be printed."""
+    return output_of(*LEARN, LC_ALL="C.UTF-8").decode()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "environment",
     [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1"}],
 )
-def test_trials_and_tables_fit_every_encoding(environment):
-    usual = output_of(*LEARN, LC_ALL="C.UTF-8").decode()
+def test_trials_and_tables_fit_every_encoding(environment, usual):
     # The times of two runs differ.
     lines = [line for line in usual.splitlines() if not line.startswith("balanced")]
     assert "█" in usual

@@ -14,11 +14,13 @@ from helpers import forget
 from upright.commands import run
 from upright.core.parameters import State
 from upright.errors import AgentError, UprightError
+from upright.policies import checks
 from upright.policies.checks import JSON_MARKS
 from upright.policies.files import export_policy, load_policy, read_header, save_policy
 from upright.policies.npz_file import FORMAT, PLAIN_FORMAT
 from upright.policies.policy import Policy
 from upright.reports.learning import learn
+from upright.reports.plots import policies as plotted_policies
 from upright.studies.case import make_case
 from upright.studies.learned import check_policy, learned_policy
 from upright.studies.playing import case_for, play, play_trials
@@ -140,7 +142,8 @@ def test_playing_leaves_a_plain_agent_as_it_is(saved):
     assert before
 
 
-def test_the_commands_work_for_a_plain_agent(write, capsys):
+def test_the_commands_work_for_a_plain_agent(write, capsys, monkeypatch):
+    monkeypatch.setattr(plotted_policies, "CELLS", 12)  # of 200 each way, plain Python takes long
     agent = f"{write(PLAIN)}:Climber"
     line = f"learn {agent} --steps 100 --trials 20 --save plain.npz --quiet"
     assert run(line.split()) in (0, FAILED)
@@ -284,9 +287,12 @@ def test_json_needs_a_form_and_says_so_before_the_run(write, saved, capsys):
     assert not list(Path().glob("plain.[hj]*"))
 
 
-def test_a_state_that_is_too_large_is_refused(saved):
+def test_a_state_that_is_too_large_is_refused(saved, monkeypatch):
+    monkeypatch.setattr(checks, "JSON_MARKS", 5000)
     _, policy, _ = saved
-    policy.memory.visits = [[]] * JSON_MARKS
+    policy.memory.visits = [[]] * 4000
+    save_policy("small.npz", policy)
+    policy.memory.visits = [[]] * 5000
     with pytest.raises(UprightError, match="cannot be saved: apart from arrays, it has more than"):
         save_policy("large.npz", policy)
     assert not Path("large.npz").exists()
