@@ -99,6 +99,7 @@ class TaskSpec:
         require("trials", self.trials, 1, 10**6, whole=True)
         object.__setattr__(self, "parameters", _parameters(self.parameters))
         _changed_by(condition_of(self.condition), self.parameters)
+        check_start(self.start, STARTS[self.start], self.parameters)
 
     def task(self, rng: "np.random.Generator | None" = None) -> Task:
         """Return the task in numbers.
@@ -158,6 +159,29 @@ def _parameters(given: Any) -> Parameters:
     if isinstance(given, Mapping):
         return make_parameters(given)
     raise UprightError(f"parameters is {given!r}; it must be Parameters, or map names to numbers")
+
+
+def check_start(name: object, start: State, parameters: Parameters) -> None:
+    """Raise UprightError if trials could begin with the pole or the cart beyond its limits.
+
+    Parameters
+    ----------
+    name
+        What the user calls the start, for the error.
+    start
+        Half-widths of the start.
+    parameters
+        The parameters of the plant, which include the limits.
+    """
+    for part, limit in (("x", "position_limit"), ("theta", "angle_limit")):
+        size, allowed = getattr(start, part), getattr(parameters, limit)
+        if size > allowed:
+            within = [known for known, each in STARTS.items() if getattr(each, part) <= allowed]
+            raise UprightError(
+                f"start is {name!r}, with {part} up to {size!r}, but {limit} is {allowed!r}; it "
+                f"must be a start within the limit, such as {' or '.join(within)}, or {limit} at "
+                f"least {size!r}"
+            )
 
 
 def _changed_by(condition: Condition, parameters: Parameters) -> Parameters:

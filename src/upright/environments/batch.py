@@ -10,12 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.cartpole import has_fallen
-from upright.core.compiled import compiled
+from upright.core.cartpole import has_fallen, step
+from upright.core.compiled import compiled, inlined
 from upright.core.conditions import Noise
 from upright.core.many import PART, step_part
-from upright.core.noise import disturb, draw_start, measure
+from upright.core.noise import draw_start
 from upright.core.parameters import Parameters, State
+from upright.core.rig import STEPS, Rig, acting_force, first_measurement, measurement
+from upright.environments.varying import Plants, begin_plant, plant_of
 
 NEXT_STEP, SAME_STEP, DISABLED = range(3)
 """When a lane whose episode ended restarts: instead of its next step, at once, or on request."""
@@ -56,6 +58,10 @@ class Batch(NamedTuple):
     """Steps of the present episodes, shape (n,), int64."""
     ended: np.ndarray
     """Whether an episode has ended and the next has not begun, shape (n,), bool."""
+    rig: Rig | None
+    """What a condition puts between agent and plant."""
+    plants: Plants | None
+    """The lanes' own plants; None if all have those of the rules."""
     forces: np.ndarray
     """Forces [N], shape (PART,), float64."""
     due: np.ndarray
@@ -109,13 +115,15 @@ class Stream(NamedTuple):
         return np.int64(word >> np.uint64(11)) * 2.0**-53
 
 
-def make_batch(count: int) -> Batch:
+def make_batch(count: int, rig: Rig | None, plants: Plants | None) -> Batch:
     """Return the memory of this many lanes, which have yet to be seeded and reset."""
     return Batch(
         states=np.full((4, count), np.nan),
         words=np.zeros((4, count), np.uint64),
         steps=np.zeros(count, np.int64),
         ended=np.ones(count, np.bool_),
+        rig=rig,
+        plants=plants,
         forces=np.zeros(PART),
         due=np.zeros(PART, np.int64),
         kept_words=np.zeros((4, PART), np.uint64),
@@ -159,7 +167,7 @@ def step_batch(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome
         push(rules, batch, actions, first, end)
         move(rules, batch, first, end)
         score_step(rules, batch, outcome, first, end)
-        observe_part(rules.noise, batch, outcome.observations, first, end)
+        observe_part(rules.noise, batch.rig, batch, outcome.observations, first, end)
         if rules.autoreset == SAME_STEP:
             due = list_ended(batch, first, end)
             copy_part(outcome.observations, outcome.final_observations, first, end)
@@ -168,6 +176,8 @@ def step_batch(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome
         for k in range(due):
             if rules.autoreset == NEXT_STEP:
                 copy_column(batch.kept_words, k, batch.words, batch.due[k])
+                take_back_step(batch.rig, batch.due[k])
+            begin_plant_of(rules, batch, None, batch.due[k])
             draw_state(rules, batch, batch.due[k])
             begin_episode(rules, batch, outcome.observations, batch.due[k])
         restarts += due
@@ -178,7 +188,12 @@ def step_batch(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome
 
 @compiled
 def reset_batch(
-    rules: Rules, batch: Batch, chosen: np.ndarray, draws: bool, observations: np.ndarray
+    rules: Rules,
+    batch: Batch,
+    chosen: np.ndarray,
+    given: np.ndarray | None,
+    draws: bool,
+    observations: np.ndarray,
 ) -> None:
     """Begin new episodes.
 
@@ -186,6 +201,8 @@ def reset_batch(
     ----------
     chosen
         The lanes to reset, shape (n,), bool.
+    given
+        Parameters for these episodes, as for `begin_plant`.
     draws
         Whether start states are drawn; otherwise they are already in ``batch.states``.
     observations
@@ -193,6 +210,7 @@ def reset_batch(
     """
     for i in range(len(chosen)):
         if chosen[i]:
+            begin_plant_of(rules, batch, given, i)
             if draws:
                 draw_state(rules, batch, i)
             begin_episode(rules, batch, observations, i)
@@ -260,23 +278,57 @@ def list_ended(batch, first, end):
 @compiled
 def push(rules, batch, actions, first, end):
     """Set the forces that act on a part of the lanes."""
-    forces, chosen, force = batch.forces[: end - first], actions[first:end], rules.parameters.force
-    for i in range(len(chosen)):
+    forces, chosen = batch.forces[: end - first], actions[first:end]
+    choose_forces(rules.parameters, batch.plants, chosen, forces, first)
+    if (batch.rig is not None) | (rules.noise.actuator > 0.0):
+        disturb_forces(rules.noise, batch.rig, rows(batch.words, first, end), forces, first)
+
+
+@compiled
+def choose_forces(shared, plants, actions, forces, first):
+    """Set the forces [N] with which agents push."""
+    for i in range(len(actions)):
         if actions.ndim == 1:
-            forces[i] = force if chosen[i] == 1 else -force
+            force = plant_of(shared, plants, first + i).force
+            forces[i] = force if actions[i] == 1 else -force
         else:
-            forces[i] = chosen[i, 0]
-    if rules.noise.actuator > 0.0:
-        a, b, c, counter = rows(batch.words, first, end)
-        for i in range(len(forces)):
-            forces[i] = disturb(rules.noise, forces[i], Stream(a, b, c, counter, i))
+            forces[i] = scaled_force(shared, plants, actions[i, 0], first + i)
+
+
+@inlined
+def scaled_force(shared: Parameters, plants: Plants | None, force: float, i: int) -> float:
+    """Return the force [N] with which a lane's motor does what an action asks for."""
+    if plants is None:
+        return force
+    return force * (plant_of(shared, plants, i).force / shared.force)
+
+
+@compiled
+def disturb_forces(noise, rig, words, forces, first):
+    """Set the forces [N] that act where agents push with these."""
+    a, b, c, counter = words
+    for i in range(len(forces)):
+        forces[i] = acting_force(rig, noise, forces[i], Stream(a, b, c, counter, i), first + i)
 
 
 @compiled
 def move(rules, batch, first, end):
     """Move the cart-poles of a part of the lanes."""
     states, forces = rows(batch.states, first, end), batch.forces[: end - first]
-    step_part(rules.parameters, states, forces, rules.integrator)
+    move_plants(rules.parameters, batch.plants, states, forces, rules.integrator, first)
+
+
+@compiled
+def move_plants(shared, plants, states, forces, integrator, first):
+    """Move cart-poles, which all have the same parameters unless plants vary."""
+    if plants is None:
+        step_part(shared, states, forces, integrator)
+    else:
+        x, x_dot, theta, theta_dot = states
+        for i in range(len(forces)):
+            previous = State(x[i], x_dot[i], theta[i], theta_dot[i])
+            plant = plant_of(shared, plants, first + i)
+            x[i], x_dot[i], theta[i], theta_dot[i] = step(plant, previous, forces[i], integrator)
 
 
 @compiled
@@ -292,7 +344,8 @@ def score_step(rules, batch, outcome, first, end):
     truncations = outcome.truncations[first:end]
     for i in range(len(steps)):
         steps[i] += 1
-        fallen = has_fallen(rules.parameters, State(x[i], x_dot[i], theta[i], theta_dot[i]))
+        plant = plant_of(rules.parameters, batch.plants, first + i)
+        fallen = has_fallen(plant, State(x[i], x_dot[i], theta[i], theta_dot[i]))
         reward = rules.step_reward + (rules.fall_reward if fallen else 0.0)
         rewards[i] = 0.0 if ended[i] else reward
         terminations[i] = fallen & (not ended[i])
@@ -301,7 +354,7 @@ def score_step(rules, batch, outcome, first, end):
 
 
 @compiled
-def observe_part(noise, batch, observations, first, end):
+def observe_part(noise, rig, batch, observations, first, end):
     """Measure a part of the lanes.
 
     The common kinds of noise are passed with zeros as constants, so that the compiler removes the
@@ -311,27 +364,43 @@ def observe_part(noise, batch, observations, first, end):
     seen = rows(observations, first, end)
     scaled, others = noise.angle > 0.0, noise.others > 0.0
     shifted, hidden = noise.angle_offset > 0.0, noise.hides_velocities
-    if not (scaled or others or shifted or hidden):
-        observe(Noise(0.0, 0.0, 0.0, 0.0, False), states, words, seen)
+    if rig is not None:
+        observe(noise, rig, states, words, seen, first)
+    elif not (scaled or others or shifted or hidden):
+        observe(Noise(0.0, 0.0, 0.0, 0.0, False), rig, states, words, seen, first)
     elif scaled and not (others or shifted or hidden):
-        observe(Noise(0.0, noise.angle, 0.0, 0.0, False), states, words, seen)
+        observe(Noise(0.0, noise.angle, 0.0, 0.0, False), rig, states, words, seen, first)
     elif scaled and others and not (shifted or hidden):
-        observe(Noise(0.0, noise.angle, noise.others, 0.0, False), states, words, seen)
+        observe(Noise(0.0, noise.angle, noise.others, 0.0, False), rig, states, words, seen, first)
     elif shifted and not (scaled or others or hidden):
-        observe(Noise(0.0, 0.0, 0.0, noise.angle_offset, False), states, words, seen)
+        observe(Noise(0.0, 0.0, 0.0, noise.angle_offset, False), rig, states, words, seen, first)
     else:
-        observe(noise, states, words, seen)
+        observe(noise, rig, states, words, seen, first)
 
 
 @compiled
-def observe(noise, states, words, seen):
+def observe(noise, rig, states, words, seen, first):
     """Measure the states of lanes and write the results to the rows `seen`."""
     x, x_dot, theta, theta_dot = states
     a, b, c, counter = words
     for i in range(len(x)):
         true = State(x[i], x_dot[i], theta[i], theta_dot[i])
-        observation = measure(noise, true, Stream(a, b, c, counter, i))
+        observation = measurement(rig, noise, true, Stream(a, b, c, counter, i), first + i)
         seen[0][i], seen[1][i], seen[2][i], seen[3][i] = observation
+
+
+@compiled
+def take_back_step(rig, i):
+    """Let a lane's rig not count a step that the lane did not make."""
+    if rig is not None:
+        rig.memory[STEPS, i] -= 1.0
+
+
+@compiled
+def begin_plant_of(rules, batch, given, i):
+    """Give a lane the plant of its next episode."""
+    words = stream(batch.words, i)
+    begin_plant(rules.parameters, batch.rig, batch.plants, given, words, i)
 
 
 @compiled
@@ -349,6 +418,6 @@ def begin_episode(rules, batch, observations, i):
     batch.steps[i] = 0
     batch.ended[i] = False
     true = State(states[0, i], states[1, i], states[2, i], states[3, i])
-    observation = measure(rules.noise, true, stream(batch.words, i))
+    observation = first_measurement(batch.rig, rules.noise, true, stream(batch.words, i), i)
     for row in range(4):
         observations[row, i] = observation[row]

@@ -20,7 +20,7 @@ from upright.core.task import Task
 from upright.core.trials import Result
 from upright.environments.cartpole_env import CartPoleEnv
 from upright.errors import UprightError, require
-from upright.plants.equations import Equations
+from upright.plants.equations import ChangingEquations, Equations
 from upright.support.words import count
 
 
@@ -203,7 +203,7 @@ class TrialProtocol(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 def run_learner(
     learner: GymnasiumLearner,
-    plant: Equations,
+    plant: Equations | ChangingEquations,
     task: Task,
     rng: np.random.Generator,
     lengths: NDArray[np.int64],
@@ -213,18 +213,9 @@ def run_learner(
 
     Parameters and return value are those of `trials.run`. The environment draws from the run's own
     random numbers, unless the learner seeds it.
-
-    Raises
-    ------
-    UprightError
-        If the task has a rig.
     """
-    if task.rig is not None:
-        raise UprightError("the condition cannot be had in the Gymnasium environments")
     integrator = next(name for name, number in INTEGRATORS.items() if number == plant.integrator)
-    env: gymnasium.Env[Any, Any] = CartPoleEnv(
-        task.noise, task.start, task.parameters, integrator=integrator
-    )
+    env = CartPoleEnv.of_task(task, integrator)
     env.np_random = rng
     protocol = TrialProtocol(env, task.steps, task.trials, lengths, stop)
     with suppress(RunOver):
