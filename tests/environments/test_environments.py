@@ -6,6 +6,15 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from environment_helpers import (
+    MODES,
+    NAMES,
+    act,
+    assert_alike,
+    assert_steps_alike,
+    make,
+    make_many,
+)
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -21,32 +30,12 @@ from upright.environments.vector_env import CartPoleVectorEnv
 from upright.errors import UprightError
 from upright.plants.equations import equations
 
-NAMES = ("upright/CartPole-v0", "upright/ContinuousCartPole-v0")
-MODES = ("NextStep", "SameStep", "Disabled")
 OTHER_PLANT = {"pole_mass": 0.2, "half_length": 1, "angle_limit": 0.08}
 
 
 @pytest.fixture(autouse=True)
 def _no_display(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-
-
-def make(name=NAMES[0], **options):
-    return gymnasium.make(name, **options)
-
-
-def make_many(count, name=NAMES[0], **options):
-    return gymnasium.make_vec(
-        name, count, vectorization_mode="vector_entry_point", **options
-    ).unwrapped
-
-
-def act(env, rng, *shape):
-    """Return random actions."""
-    if env.unwrapped.continuous:
-        return rng.uniform(-10, 10, (*shape, 1)).astype(np.float32)
-    actions = rng.integers(0, 2, shape)
-    return actions if shape else int(actions)
 
 
 # ------------------------------------------------------------------------------- registration
@@ -370,27 +359,6 @@ def test_methods_fail_before_the_first_reset():
 
 
 # ------------------------------------------------------------------------- vector environment
-
-
-def assert_alike(ours, theirs):
-    """Compare what two vector environments return; of infos, only what their masks select."""
-    assert ours.keys() == theirs.keys()
-    for name, value in theirs.items():
-        if isinstance(value, dict):
-            assert_alike(ours[name], value)
-        elif name.startswith("_"):
-            np.testing.assert_array_equal(ours[name], value, err_msg=name)
-        else:
-            for i in np.flatnonzero(theirs[f"_{name}"]):
-                np.testing.assert_array_equal(ours[name][i], value[i], err_msg=name)
-                assert ours[name][i].dtype == value[i].dtype
-
-
-def assert_steps_alike(ours, theirs):
-    for mine, yours in zip(ours[:-1], theirs[:-1], strict=True):
-        np.testing.assert_array_equal(mine, yours)
-        assert mine.dtype == yours.dtype
-    assert_alike(ours[-1], theirs[-1])
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -177,7 +177,7 @@ def step_batch(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome
             if rules.autoreset == NEXT_STEP:
                 copy_column(batch.kept_words, k, batch.words, batch.due[k])
                 take_back_step(batch.rig, batch.due[k])
-            begin_plant_of(rules, batch, None, batch.due[k])
+            begin_plant_of(rules, batch, batch.due[k])
             draw_state(rules, batch, batch.due[k])
             begin_episode(rules, batch, outcome.observations, batch.due[k])
         restarts += due
@@ -191,7 +191,6 @@ def reset_batch(
     rules: Rules,
     batch: Batch,
     chosen: np.ndarray,
-    given: np.ndarray | None,
     draws: bool,
     observations: np.ndarray,
 ) -> None:
@@ -201,8 +200,6 @@ def reset_batch(
     ----------
     chosen
         The lanes to reset, shape (n,), bool.
-    given
-        Parameters for these episodes, as for `begin_plant`.
     draws
         Whether start states are drawn; otherwise they are already in ``batch.states``.
     observations
@@ -210,7 +207,7 @@ def reset_batch(
     """
     for i in range(len(chosen)):
         if chosen[i]:
-            begin_plant_of(rules, batch, given, i)
+            begin_plant_of(rules, batch, i)
             if draws:
                 draw_state(rules, batch, i)
             begin_episode(rules, batch, observations, i)
@@ -397,10 +394,10 @@ def take_back_step(rig, i):
 
 
 @compiled
-def begin_plant_of(rules, batch, given, i):
+def begin_plant_of(rules, batch, i):
     """Give a lane the plant of its next episode."""
     words = stream(batch.words, i)
-    begin_plant(rules.parameters, batch.rig, batch.plants, given, words, i)
+    begin_plant(rules.parameters, batch.rig, batch.plants, words, i)
 
 
 @compiled

@@ -221,7 +221,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             self._rig.memory[:] = 0.0
         rules, rig, rng = self.rules, self._rig, self._np_random
         self._vary(given)
-        begin_plant(rules.parameters, rig, self._plants, given, rng, 0)
+        begin_plant(rules.parameters, rig, self._plants, rng, 0)
         state = draw_start(rules.start, rng) if states is None else State(*states[0].tolist())
         self._steps, self._over, self._force = 0, False, 0.0
         self._state, self._measured = state, first_measurement(rig, rules.noise, state, rng)
@@ -234,6 +234,8 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             plants = make_plants(self.rules.parameters, self._rig, self._draws, 1)
             self._plants = plants if needed else None
             self._advance = None
+        if self._plants is not None and given is not None:
+            self._plants.given[:] = given
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Push the cart for one time step.

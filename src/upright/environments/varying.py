@@ -30,6 +30,8 @@ class Plants(NamedTuple):
     """The parameters with which the previous episode of each lane ended."""
     last_varied: np.ndarray
     """Which of these were varied."""
+    given: np.ndarray
+    """Parameters that the next episode of each lane has instead; NaN for all others."""
     draws: np.ndarray
     """What is drawn for each episode, as in `Rig`."""
     always: np.ndarray
@@ -44,7 +46,8 @@ def make_plants(parameters: Parameters, rig: Rig | None, draws: Array, count: in
     if rig is not None:
         always[rig.changes[:, 1].astype(int)] = True
     varied = np.zeros(present.shape, np.bool_)
-    return Plants(present, varied, present.copy(), varied.copy(), draws, always)
+    given = np.full(present.shape, np.nan)
+    return Plants(present, varied, present.copy(), varied.copy(), given, draws, always)
 
 
 @inlined
@@ -57,42 +60,30 @@ def plant_of(shared: Parameters, plants: Plants | None, i: int) -> Parameters:
 
 @inlined
 def begin_plant(
-    shared: Parameters,
-    rig: Rig | None,
-    plants: Plants | None,
-    given: np.ndarray | None,
-    rng: np.random.Generator,
-    i: int,
+    shared: Parameters, rig: Rig | None, plants: Plants | None, rng: np.random.Generator, i: int
 ) -> None:
     """Give a lane the plant of its next episode, before the start is drawn.
 
-    Parameters
-    ----------
-    shared
-        The environment's own parameters.
-    given
-        Parameters that this episode has instead, shape (parameters, n), NaN for all others.
+    It has the environment's own parameters, `shared`, except for those that have changed in the
+    run, are drawn or were given.
     """
     if plants is not None:
-        _begin_plant(shared, rig, plants, given, rng, i)
+        _begin_plant(shared, rig, plants, rng, i)
 
 
 @compiled
 def _begin_plant(
-    shared: Parameters,
-    rig: Rig | None,
-    plants: Plants,
-    given: np.ndarray | None,
-    rng: np.random.Generator,
-    i: int,
+    shared: Parameters, rig: Rig | None, plants: Plants, rng: np.random.Generator, i: int
 ) -> None:
-    present, varied = plants.present, plants.varied
+    present, varied, given = plants.present, plants.varied, plants.given
     for row in range(len(present)):
         plants.last[row, i], plants.last_varied[row, i] = present[row, i], varied[row, i]
         present[row, i], varied[row, i] = shared[row], plants.always[row]
     _repeat_changes(rig, i)
     draw_parameters(plants.draws, present, i, rng)
-    _give(plants, given, i)
+    for row in range(len(present)):
+        if not np.isnan(given[row, i]):
+            present[row, i], varied[row, i], given[row, i] = given[row, i], True, np.nan
 
 
 @compiled
@@ -102,14 +93,6 @@ def _repeat_changes(rig: Rig | None, i: int) -> None:
         for k in range(len(rig.changes)):
             if rig.changes[k, 0] <= rig.memory[STEPS, i]:
                 rig.present[int(rig.changes[k, 1]), i] = rig.changes[k, 2]
-
-
-@compiled
-def _give(plants: Plants, given: np.ndarray | None, i: int) -> None:
-    if given is not None:
-        for row in range(len(given)):
-            if not np.isnan(given[row, i]):
-                plants.present[row, i], plants.varied[row, i] = given[row, i], True
 
 
 def report(present: Array, varied: Array, lanes: Array) -> dict[str, Any]:

@@ -179,10 +179,12 @@ class CartPoleVectorEnv(VectorEnv[Array, Array, Array]):
             self._batch.states[:, chosen] = states[chosen].T
         varied = self._batch.plants is not None and not chosen.all()
         self._vary(self._always_vary or given is not None or varied)
+        if self._batch.plants is not None and given is not None:
+            self._batch.plants.given[:, chosen] = given[:, chosen]
         observations = np.empty((4, self.num_envs), self.dtype)
         if self._observations is not None:
             observations[:] = self._observations.T
-        reset_batch(self.rules, self._batch, chosen, given, states is None, observations)
+        reset_batch(self.rules, self._batch, chosen, states is None, observations)
         self._observations = observations.T
         infos: dict[str, Any] = {}
         if self._reports_states:
