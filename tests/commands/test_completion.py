@@ -155,7 +155,7 @@ def test_every_value_is_completed_or_free():
         if action.choices is None and action.nargs != 0 and action.option_strings
     }
     named = {kind for kind in kinds if kind is not None}
-    assert named <= {*FREE, *FILES, *LISTS, "AGENT", "FOLDER"}
+    assert named <= {*FREE, *FILES, *LISTS, "AGENT", "PLANT", "FOLDER"}
 
 
 def test_lists_are_of_all_agents_and_noises():

@@ -83,6 +83,7 @@ def first_run(plant, agent="random-search", **task):
 # ------------------------------------------------------------------------------ it is balanced
 
 
+@pytest.mark.slow
 def test_plain_and_compiled_plants_have_the_same_trials():
     plain, fast = first_run(SlowMotor), first_run(compiled_motor)
     assert plain.lengths.tolist() == fast.lengths.tolist()
@@ -286,6 +287,7 @@ def test_other_things_are_refused(plant, message, monkeypatch):
 # ------------------------------------------------------------------------------ commands
 
 
+@pytest.mark.slow
 def test_commands_take_a_custom_plant(capsys):
     line = ["learn", "random-search", "--plant", COMPILED, "--steps", "100"]
     assert run([*line, "--quiet"]) == 0
