@@ -26,8 +26,9 @@ from hypothesis import strategies as st
 from upright.core.conditions import STARTS, Noise
 from upright.core.parameters import Parameters, State
 from upright.core.task import TaskSpec
-from upright.core.trials import trial
+from upright.core.trials import run, trial
 from upright.environments.cartpole_env import CartPoleEnv, LaneStream
+from upright.environments.trial_protocol import run_learner
 from upright.environments.vector_env import CartPoleVectorEnv
 from upright.errors import UprightError
 from upright.plants.equations import EQUATIONS
@@ -167,7 +168,7 @@ def assert_many_are_as_many_single_ones(name, mode, parameters, **arguments):
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@settings(max_examples=20)
 @example("NextStep", "all-10", "nominal", {}, {}, "euler")
 @given(
     mode=st.sampled_from(MODES),
@@ -243,6 +244,33 @@ def test_an_environment_is_the_loop_under_every_condition(noise, condition, star
             seen.append(observation)
         np.testing.assert_array_equal(seen, agent.seen)
         assert over == fallen
+
+
+@pytest.mark.parametrize("condition", ["delay-2", "at-20.half_length=0.2,lag=0.1,dropped=0.5"])
+@pytest.mark.parametrize("drawn", ["", ",each-episode.cart_mass=0.5:2:log"])
+def test_a_learner_has_the_condition_of_its_task(condition, drawn):
+    """One that always pushes to the right falls when such an agent does in the loop."""
+
+    class Learner:
+        def train(self, env):
+            while True:
+                env.reset()
+                while not env.step(1)[2]:
+                    pass
+
+    class Pusher(Agent):
+        def act(self, observation, rng):
+            return True
+
+    spec = TaskSpec(noise="actuator-10", condition=condition + drawn, start="wide", trials=8)
+    found = []
+    for loop, agent in ((run_learner, Learner()), (run, Pusher())):
+        plant, task = EQUATIONS.make(RunContext(spec.task(), spec, 0, np.zeros(1, np.bool_)))
+        lengths = np.zeros(8, np.int64)
+        loop(agent, plant, task, np.random.default_rng(SEED), lengths, np.zeros(1, np.bool_))
+        found.append(lengths.tolist())
+    assert found[0] == found[1]
+    assert len(set(found[0])) > 1
 
 
 # ---- Parameters ----------------------------------------------------------------------------------

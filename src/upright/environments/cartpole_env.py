@@ -261,6 +261,12 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         observation, info = self._observe()
         return observation, reward, self._over, False, info
 
+    @property
+    def _plant(self) -> Parameters:
+        """The present parameters of the plant."""
+        own = self.rules.parameters
+        return own if self._plants is None else plant_of(own, self._plants, 0)
+
     def _rng(self) -> Any:
         """Return the generator of the noise; without noise, a stand-in that is quicker to pass."""
         return self._np_random if self._reports_state else UNUSED_STREAM
@@ -274,7 +280,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
             if is_number and abs(force[0]) <= np.float32(own.force):
                 return scaled_force(own, self._plants, float(force[0]), 0)
         elif (type(action) is int and 0 <= action <= 1) or self.action_space.contains(action):
-            strength = plant_of(own, self._plants, 0).force
+            strength = self._plant.force
             return strength if action == 1 else -strength
         meaning = "" if self.continuous else ": 1 pushes right, 0 pushes left"
         raise InvalidAction(f"action is {action!r}; it must be in {self.action_space}{meaning}")
@@ -299,7 +305,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn(NO_RENDER_MODE)
             return None
-        scene, plant = self.scene(), plant_of(self.rules.parameters, self._plants, 0)
+        scene, plant = self.scene(), self._plant
         if self.render_mode == "ansi":
             return text_picture(plant, scene)
         pixels = picture(plant, scene)
@@ -314,7 +320,7 @@ class CartPoleEnv(gymnasium.Env[Array, Any]):
         """Return what a picture of the present state shows."""
         if self._state is None:
             raise ResetNeeded("no episode has begun; call reset() before render()")
-        seconds = self._steps * plant_of(self.rules.parameters, self._plants, 0).time_step
+        seconds = self._steps * self._plant.time_step
         caption = f"step {self._steps:,}, {seconds:.1f} s"
         return Scene(self._state, self._measured, self._force, caption)
 
