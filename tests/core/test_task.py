@@ -125,6 +125,20 @@ ODD = {
         ({"trials": 2.0}, "trials is 2.0; it must be a whole number"),
         ({"parameters": Parameters(pole_mass=0.0)}, "pole_mass is 0.0; it must be a number, above"),
         ({"parameters": Parameters(cart_friction=-1.0)}, "cart_friction is -1.0; it must be"),
+        (
+            {"parameters": {"angle_limit": 0.04}},
+            "start is 'random', with theta up to 0.05, but angle_limit is 0.04; it must be a start "
+            "within the limit, such as zero, or angle_limit at least 0.05",
+        ),
+        (
+            {"start": "wide", "parameters": {"angle_limit": 0.06}},
+            "start is 'wide', with theta up to 0.10471975511965978, but angle_limit is 0.06; it "
+            "must be a start within the limit, such as random or zero, or angle_limit at least",
+        ),
+        (
+            {"parameters": {"position_limit": 0.03}},
+            "start is 'random', with x up to 0.05, but position_limit is 0.03; it must be",
+        ),
     ],
     ids=str,
 )

@@ -10,19 +10,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.cartpole import has_fallen, step
+from upright.core.cartpole import EULER, has_fallen, step, step_small
 from upright.core.compiled import compiled, inlined
 from upright.core.conditions import Noise
 from upright.core.many import PART, step_part
 from upright.core.noise import draw_start
 from upright.core.parameters import Parameters, State
-from upright.core.rig import STEPS, Rig, acting_force, first_measurement, measurement
+from upright.core.portable_math import SMALL
+from upright.core.rig import (
+    PARAMETER,
+    STEPS,
+    Rig,
+    acting_force,
+    first_measurement,
+    measurement,
+    parameters_of,
+)
 from upright.environments.varying import Plants, begin_plant, plant_of
 
 NEXT_STEP, SAME_STEP, DISABLED = range(3)
 """When a lane whose episode ended restarts: instead of its next step, at once, or on request."""
 WRONG_ACTION, ENDED = -1, -2
 """Reasons why no step was made."""
+STATIC_FRICTION = PARAMETER["static_friction"]
 
 
 class Rules(NamedTuple):
@@ -320,12 +330,39 @@ def move_plants(shared, plants, states, forces, integrator, first):
     """Move cart-poles, which all have the same parameters unless plants vary."""
     if plants is None:
         step_part(shared, states, forces, integrator)
+    elif integrator == EULER and count_others(plants.present, states[2], first) == 0:
+        small_loop(plants.present, states, forces, first)
     else:
-        x, x_dot, theta, theta_dot = states
-        for i in range(len(forces)):
-            previous = State(x[i], x_dot[i], theta[i], theta_dot[i])
-            plant = plant_of(shared, plants, first + i)
-            x[i], x_dot[i], theta[i], theta_dot[i] = step(plant, previous, forces[i], integrator)
+        any_loop(plants.present, states, forces, integrator, first)
+
+
+@compiled
+def count_others(present, theta, first):
+    """Return how many cart-poles of a part `step_small` cannot move."""
+    others, static_friction = 0, present[STATIC_FRICTION]
+    for i in range(len(theta)):
+        others += 1 if (abs(theta[i]) > SMALL) | (static_friction[first + i] > 0.0) else 0
+    return others
+
+
+@compiled
+def small_loop(present, states, forces, first):
+    """Move cart-poles that lean little, without branches."""
+    x, x_dot, theta, theta_dot = states
+    for i in range(len(forces)):
+        previous = State(x[i], x_dot[i], theta[i], theta_dot[i])
+        moved = step_small(parameters_of(present, first + i), previous, forces[i])
+        x[i], x_dot[i], theta[i], theta_dot[i] = moved
+
+
+@compiled
+def any_loop(present, states, forces, integrator, first):
+    """Move any cart-poles."""
+    x, x_dot, theta, theta_dot = states
+    for i in range(len(forces)):
+        previous = State(x[i], x_dot[i], theta[i], theta_dot[i])
+        moved = step(parameters_of(present, first + i), previous, forces[i], integrator)
+        x[i], x_dot[i], theta[i], theta_dot[i] = moved
 
 
 @compiled
