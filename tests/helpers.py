@@ -286,7 +286,7 @@ def write_results(path: Path, key: str, first: int, last: int, barrier: Any) -> 
 SIZES: dict[str, tuple[str, ...]] = {
     "varied-plant": ("",),
     "friction": ("100", "0.5"),
-    "stick-slip": ("0.3",),
+    "stick-slip": ("12",),
     "tilt": ("2", "-1.5"),
     "delay": ("1", "3"),
     "left-force": ("5", "12.5"),

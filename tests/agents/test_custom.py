@@ -435,8 +435,6 @@ def test_a_learner_that_ends_early_is_refused_in_one_line(write, capsys):
     agent = f"{write(LEARNER.replace('while True', 'for _ in range(3)'))}:Guess"
     error = refused(f"learn {agent} --quiet", capsys, AGENT_FAILED)
     assert "train returned in run 0, trial 4, step 1; it must go on until" in error
-    delayed = f"learn {write(LEARNER)}:Guess --condition delay-1"
-    assert "delay is 1; it must be 0" in refused(delayed, capsys)
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ def test_tab_completes_in_a_shell_one_types_in(shell, home):
 @pytest.mark.parametrize("shell", [installed("fish")])
 def test_fish_completes(shell, home):
     for typed, completed in CASES.items():
-        line = "upright " + typed.replace("\t", "uator-")
+        line = "upright " + typed.replace("\t", "uator")
         asked = ["fish", "--command", f"complete --do-complete '{line}'"]
         ended = subprocess.run(asked, capture_output=True, text=True, timeout=LIMIT, check=True)
         words = [found.split("\t")[0] for found in ended.stdout.splitlines()]

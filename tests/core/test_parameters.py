@@ -66,8 +66,10 @@ def test_tables_name_the_parameters_that_were_changed():
     rows = [upright.summarise(case, 0, results[case]) for case in cases]
     text = upright.render(rows, "text", width=1000)
     head, _, *lines = (re.split(r" {2,}", line) for line in text.splitlines()[:4])
-    changed = ", ".join(f"{name} {LONG[name]}" for name in Parameters._fields if name in LONG)
-    assert sorted(line[head.index("Task")] for line in lines) == sorted(["–", changed])
+    for name, value in LONG.items():
+        (column,) = [k for k, title in enumerate(head) if title.startswith(f"{name} [")]
+        usual = getattr(Parameters(), name)
+        assert sorted(float(line[column]) for line in lines) == sorted([usual, value])
     assert "2 runs per case, N = 50 steps, start random, seed 0" in text
     assert [row["parameters"] for row in json.loads(upright.render(rows, "json"))] == [{}, LONG]
 
@@ -103,11 +105,11 @@ def test_rows_of_different_plants_can_be_told_apart():
     results = upright.study(cases, runs=2)
     text = upright.render([upright.summarise(c, 0, results[c]) for c in cases], "markdown")
     head, _, usual, changed, *_ = text.splitlines()
-    assert "| Task |" in head
-    assert "half_length" not in usual
-    assert "half_length 1.0 |" in changed
+    assert "| half_length [m] |" in head
+    assert "| 0.5 |" in usual
+    assert "| 1 |" in changed
     alone = upright.render([upright.summarise(cases[1], 0, results[cases[1]])], "markdown")
-    assert "| Task |" not in alone
+    assert "| half_length [m] |" not in alone
 
 
 def test_published_figures_are_of_the_published_plant_alone():

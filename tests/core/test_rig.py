@@ -284,7 +284,7 @@ def outcome(loop, spec, seed):
     rng, lengths = np.random.default_rng(seed), np.zeros(spec.trials, np.int64)
     agent = AGENT.agent(rng)
     loop(agent, plant, task, rng, lengths, np.zeros(1, np.bool_))
-    return lengths.tolist(), arrays(agent), rng.bit_generator.state
+    return lengths.tolist(), [array.tolist() for array in arrays(agent)], rng.bit_generator.state
 
 
 @settings(deadline=None, max_examples=60)

@@ -84,7 +84,7 @@ class Uncompiled:
             "--plant jelly",
             "plant is 'jelly'; it must be one of equations, mujoco, gazebo, ros2",
         ),
-        ("--plant-set physics_step=1", "setting is 'physics_step'; it must be one of"),
+        ("--plant-set physics_step=1", "physics_step is a setting of the plant mujoco: --plant"),
         ("--plant mujoco --plant-set physics_step", "it must be NAME=VALUE"),
         ("--plant mujoco --plant-set physics_step=0.03", "physics_step is 0.03"),
         ("--plant mujoco --plant-set integrator=magic", "integrator is 'magic'"),

@@ -180,7 +180,7 @@ PARAMETERS = st.fixed_dictionaries(
         "gravity": st.floats(0, 1e9),
         "half_length": st.floats(1e-9, 1e9),
         "pole_friction": st.floats(0, 1e6),
-        "angle_limit": st.floats(5e-324, 3),
+        "angle_limit": st.floats(0.11, 3),
     },
 )
 SPECS = st.builds(

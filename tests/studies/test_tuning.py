@@ -23,7 +23,7 @@ from upright.agents.reinforce import Reinforce
 from upright.commands import run
 from upright.errors import UprightError, require
 from upright.studies import tuning
-from upright.studies.case import make_case
+from upright.studies.case import Case, make_case
 from upright.studies.intervals import bootstrap_interval
 from upright.studies.run import make_run
 from upright.studies.search_space import Range, search_space
@@ -339,7 +339,7 @@ def test_a_store_of_another_search_is_refused(change, said, tmp_path):
 
 def test_a_store_of_another_rule_is_refused(tmp_path, monkeypatch):
     search(wanted(), 1, tmp_path / "tune")
-    monkeypatch.setattr(tuning, "fingerprint", lambda agent, plant: "another")
+    monkeypatch.setattr(Case, "rule", "another")
     with pytest.raises(UprightError, match="differs in: rule;"):
         search(wanted(), 2, tmp_path / "tune")
 

@@ -56,7 +56,7 @@ NOISE_TERMS = {
     "sensor": Term(
         "the measured angle is θ (1 + u), u uniform in ± this part", FRACTION, source=SI_WANG
     ),
-    "others": Term("the same for x, ẋ and θ̇, each with its own u", FRACTION),
+    "others": Term("the same for the position and both velocities, each with its own u", FRACTION),
     "all": Term("sensor and others together", FRACTION),
     "gaussian": Term(
         "the measured angle is θ + n, n normal with this variance",
