@@ -1,4 +1,5 @@
 import math
+import time
 
 import pytest
 from helpers import task_texts
@@ -68,6 +69,8 @@ def test_terms_of_noise(text, noise, canonical):
         ("wind=-2.5,tilt=-3", Condition(wind=-2.5, tilt=math.radians(-3)), "tilt=-3,wind=-2.5"),
         ("left-force=5", Condition(left_force=5), None),
         ("saturation=0", Condition(saturation=0), None),
+        ("left-force=-0,at-5.gravity=-0.0", None, "left-force=0,at-5.gravity=0"),
+        ("each-run.gravity=-0:9", None, "each-run.gravity=0:9"),
         ("gust=5", Condition(gust=5), None),
         ("gust=5,gust-every=1,gust-for=0.5", Condition(gust=5, gust_every=1, gust_for=0.5), None),
         ("no-velocities+dropped=5%", None, "no-velocities,dropped=0.05"),
@@ -132,6 +135,13 @@ def test_impossible_terms_are_refused_by_name(part, text, message):
     pattern = message.replace("[", r"\[").replace("]", r"\]")
     with pytest.raises(UprightError, match=pattern):
         TaskSpec(**{part: text})
+
+
+def test_a_text_of_many_terms_takes_no_long_time():
+    text = ",".join(f"at-{step}.force={1 + step}" for step in range(3000))
+    began = time.perf_counter()
+    assert condition_text(text) == text
+    assert time.perf_counter() - began < 5
 
 
 @given(st.data())

@@ -245,6 +245,8 @@ class Condition(NamedTuple):
         return bool(names - {"force"})
 
 
+USUAL = Condition()
+"""The condition of the published task."""
 CONDITION_TERMS = {
     "varied-plant": Term("every run has its own plant: pole 0.25 to 2 m, masses half to twice", ""),
     "friction": Term("factor on both frictions", "times"),
@@ -340,12 +342,8 @@ def condition_text(text: str) -> str:
     ('delay=1,encoder=1024', 'delay-1')
     """
     sizes = _condition_sizes(text)
-    whole = _checked(_condition(sizes))
-    matters = {
-        name: size
-        for name, size in sizes.items()
-        if _condition({other: sizes[other] for other in sizes if other != name}) != whole
-    }
+    _checked(_condition(sizes))
+    matters = {name: size for name, size in sizes.items() if _condition({name: size}) != USUAL}
     return canonical_text(matters, _NAMED_CONDITIONS)
 
 
@@ -385,9 +383,8 @@ def _change(step: int, parameter: str, value: Any) -> Change:
 
 def _checked(condition: Condition) -> Condition:
     """Return a condition, or raise UprightError if it has terms that exclude each other."""
-    usual = Condition()
     if not condition.gust and condition[:] != condition._replace(
-        gust_every=usual.gust_every, gust_for=usual.gust_for
+        gust_every=USUAL.gust_every, gust_for=USUAL.gust_for
     ):
         raise UprightError("condition has gust-every or gust-for; they need gust=FORCE")
     if condition.hides_velocities and condition.takes_differences:

@@ -96,7 +96,7 @@ def check_parameters(parameters: Parameters) -> Parameters:
             f"static_friction is {parameters.static_friction}; it must be 0, or at least the "
             f"cart_friction of {parameters.cart_friction}"
         )
-    return Parameters(*map(float, parameters))
+    return Parameters(*(value + 0.0 for value in parameters))  # floats, and no -0
 
 
 def make_parameters(changes: Mapping[str, float]) -> Parameters:

@@ -180,6 +180,7 @@ def _size(label: str, text: str, term: Term) -> float | int:
     percent = term.unit == FRACTION and text.endswith("%")
     try:
         size = float(text.removesuffix("%") if percent else text) / (100.0 if percent else 1.0)
+        size += 0.0  # -0 is 0
     except ValueError:
         raise UprightError(f"{label} is {text!r}; it must be a number [{term.unit}]") from None
     if term.unit == FRACTION and not 0.0 <= size <= 1.0:
@@ -217,4 +218,4 @@ def checked_range(label: str, drawn: Range) -> Range:
     may_be_zero = label.rpartition(".")[2] in ZERO_ALLOWED and not drawn.is_log
     require(f"the low end of {label}", drawn.low, 0, LARGEST, above=not may_be_zero)
     require(f"the high end of {label}", drawn.high, drawn.low, LARGEST)
-    return Range(float(drawn.low), float(drawn.high), bool(drawn.is_log))
+    return Range(drawn.low + 0.0, drawn.high + 0.0, bool(drawn.is_log))  # floats, and no -0
