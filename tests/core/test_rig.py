@@ -267,6 +267,15 @@ def test_a_plant_is_drawn_for_each_run_and_every_agent_meets_the_same():
     assert case.spec.task().parameters == Parameters(), "the nominal plant"
 
 
+def test_what_is_drawn_for_a_run_is_neither_multiplied_nor_tilted():
+    condition = "friction=3,tilt=10,each-run.cart_friction=1:2,each-run.gravity=5:6"
+    plant = TaskSpec(condition=condition).task(np.random.default_rng(0)).parameters
+    assert 1 <= plant.cart_friction <= 2
+    assert 5 <= plant.gravity <= 6
+    assert plant.pole_friction == 3 * Parameters().pole_friction
+    assert plant.gravity_along == pytest.approx(9.8 * math.sin(math.radians(10)))
+
+
 @pytest.mark.parametrize("plant", ["mujoco", "gazebo", "ros2"])
 def test_a_simulated_plant_cannot_change_within_a_run(plant):
     for condition in ("at-5.half_length=1", "each-episode.cart_mass=1:2"):

@@ -129,6 +129,8 @@ def test_terms_of_a_condition(text, condition, canonical):
         ("condition", "at-5.force=5,each-episode.force=1:2", "condition draws force for each"),
         ("condition", "varied-plant,each-run.pole_mass=1:2", "and draws pole_mass otherwise too"),
         ("condition", "stick-slip=0.0001", "static_friction is 0.0001; it must be 0, or at least"),
+        ("condition", "stick-slip=2,at-9.cart_friction=3", "static_friction may be 2.0; it must"),
+        ("condition", "stick-slip=2,each-run.cart_friction=1:3", "cart_friction, which may be 3.0"),
     ],
 )
 def test_impossible_terms_are_refused_by_name(part, text, message):

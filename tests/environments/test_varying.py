@@ -432,6 +432,14 @@ def test_what_is_given_for_environments_that_are_not_reset_does_not_matter():
             {"randomise": {"force": (5, 15)}, "condition": "at-9.force=-10"},
             "randomise has force, which the condition sets too",
         ),
+        (
+            {"randomise": {"static_friction": (0, 0.2)}},
+            "static_friction may be 0; .* cart_friction, which may be 0.0005",
+        ),
+        (
+            {"randomise": {"static_friction": (0.1, 0.2), "cart_friction": (0, 0.15)}},
+            "static_friction may be 0.1; .* cart_friction, which may be 0.15",
+        ),
         ({"condition": "varied-plant"}, "condition is 'varied-plant'; an environment has no runs"),
         ({"condition": "each-run.force=5:15"}, "an environment has no runs"),
         ({"condition": "dely=1"}, "condition is 'dely'.*did you mean"),

@@ -98,7 +98,8 @@ class TaskSpec:
         require("steps", self.steps, 1, 10**9, whole=True)
         require("trials", self.trials, 1, 10**6, whole=True)
         object.__setattr__(self, "parameters", _parameters(self.parameters))
-        _changed_by(condition_of(self.condition), self.parameters)
+        condition = condition_of(self.condition)
+        check_varied(condition, _changed_by(condition, self.parameters))
         check_start(self.start, STARTS[self.start], self.parameters)
 
     def task(self, rng: "np.random.Generator | None" = None) -> Task:
@@ -112,10 +113,10 @@ class TaskSpec:
         """
         from upright.core.rig import make_rig
 
-        condition, parameters = condition_of(self.condition), self.parameters
+        condition = condition_of(self.condition)
+        parameters = _changed_by(condition, self.parameters)
         if rng is not None:
             parameters = draw_run(condition, parameters, rng)
-        parameters = _changed_by(condition, parameters)
         noise = noise_of(self.noise)._replace(hides_velocities=condition.hides_velocities)
         rig = make_rig(condition, parameters)
         return Task(parameters, noise, STARTS[self.start], self.steps, self.trials, rig)
@@ -208,10 +209,36 @@ def _changed_by(condition: Condition, parameters: Parameters) -> Parameters:
     return check_parameters(parameters)
 
 
+def check_varied(condition: Condition, parameters: Parameters) -> None:
+    """Raise UprightError if a cart at rest could come to have less friction than a moving one.
+
+    Parameters
+    ----------
+    condition
+        What changes, or is drawn.
+    parameters
+        The parameters of the plant under this condition.
+    """
+    ranges = {name: drawn[:2] for name, drawn in (*condition.each_run, *condition.each_episode)}
+    for _, name, value in condition.changes:
+        ends = *ranges.get(name, (getattr(parameters, name),)), value
+        ranges[name] = min(ends), max(ends)
+    lowest = parameters._replace(**{name: low for name, (low, _) in ranges.items()})
+    highest = parameters._replace(**{name: high for name, (_, high) in ranges.items()})
+    if highest.static_friction > 0.0 and lowest.static_friction < highest.cart_friction:
+        raise UprightError(
+            f"static_friction may be {lowest.static_friction}; it must be 0, or at least the "
+            f"cart_friction, which may be {highest.cart_friction}"
+        )
+
+
 def draw_run(
     condition: Condition, parameters: Parameters, rng: "np.random.Generator"
 ) -> Parameters:
-    """Return the parameters of a run's own plant, drawn as its condition says."""
+    """Return the parameters of a run's own plant, drawn as its condition says.
+
+    `parameters` are those under the condition: what is drawn is not multiplied or tilted again.
+    """
     if condition.varies_plant:
         parameters = draw_plant(parameters, rng)
     if condition.each_run:

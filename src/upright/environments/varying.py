@@ -13,6 +13,7 @@ from upright.core.compiled import compiled, inlined
 from upright.core.conditions import Condition, Draw
 from upright.core.parameters import Parameters, check_parameters
 from upright.core.rig import PARAMETER, STEPS, Rig, draw_parameters, lanes_of, parameters_of
+from upright.core.task import check_varied
 from upright.core.terms import Range
 from upright.errors import UprightError, require_kind, require_one_of
 
@@ -148,7 +149,9 @@ def all_draws(
             raise UprightError(f"randomise has {name}, which the condition sets too; choose one")
         for end in (low, high):
             check_parameters(parameters._replace(**{name: end}))
-    return tuple(sorted((*ours, *condition.each_episode)))
+    draws = tuple(sorted((*ours, *condition.each_episode)))
+    check_varied(condition._replace(each_episode=draws), parameters)
+    return draws
 
 
 def _range(name: str, value: Any) -> Range:
