@@ -147,6 +147,8 @@ def test_an_arrow_shows_the_force():
     assert len(places(draw(), FORCE)[0]) == 0
     right, left = (places(draw(force=force), FORCE)[0] for force in (10.0, -10.0))
     assert right.min() > WIDTH / 2 > left.max()
+    flipped = places(draw(force=10.0, parameters=NOMINAL._replace(force=-10.0)), FORCE)[0]
+    np.testing.assert_array_equal(flipped, right)
     stronger = places(draw(force=15.0), FORCE)[0]
     assert np.ptp(stronger) == pytest.approx(1.5 * np.ptp(right), rel=0.1)
     assert len(places(draw(force=0.01), FORCE)[0]) > 0

@@ -79,6 +79,19 @@ def test_an_observed_run_has_the_same_trials_and_every_step_is_told(kind):
     assert any(moment.measured != moment.state for moment in moments)
 
 
+@pytest.mark.parametrize("kind", ["plain", "learner"])
+def test_pictures_are_of_the_plant_as_it_is_at_each_moment(kind):
+    condition = "each-episode.half_length=0.3:0.9,at-5.force=-8"
+    moments, film = [], Film()
+    case = case_of(kind, condition=condition, trials=3, steps=10_000)
+    make_run(case, 3, 1, observer=lambda moment: (moments.append(moment), film(moment)))
+    lengths = {m.trial: m.task.parameters.half_length for m in moments}
+    assert len(set(lengths.values())) == 3
+    assert {0.3 < length < 0.9 for length in lengths.values()} == {True}
+    assert [m.task.parameters.force for m in moments[:7]] == [10.0] * 5 + [-8.0] * 2
+    assert {shot.parameters.half_length for shot in film.shots("a")} == set(lengths.values())
+
+
 def test_memory_is_the_same_to_the_last_bit_after_an_observed_run():
     case = make_case("reinforce", steps=500, trials=20)
     (alone, _), (observed, _) = make_run(case, 0, 0), make_run(case, 0, 0, observer=lambda _: None)
@@ -318,7 +331,8 @@ def filmed(lengths, steps=1000, time_step=0.02):
         for step in range(length + 1):
             ending = "" if step < length else "balanced" if length == steps else "fallen"
             film(Moment(task, lengths, number, step, place, place, 0.0, ending, None))
-    return film.scenes("somebody"), filming.picture_time(task)
+    shots = [(shot.scene, shot.lasts) for shot in film.shots("somebody")]
+    return shots, filming.picture_time(task)
 
 
 @pytest.mark.parametrize(

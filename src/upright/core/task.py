@@ -58,6 +58,13 @@ class Task(NamedTuple):
     """What a condition puts between agent and plant, with memory of its own; None for nothing."""
 
 
+def present_task(task: Task) -> Task:
+    """Return the task with the parameters that its plant has now, if its rig changes them."""
+    if task.rig is None:
+        return task
+    return task._replace(parameters=Parameters(*task.rig.present[:, 0].tolist()))
+
+
 @dataclass(frozen=True)
 class TaskSpec:
     """A task by names, as command-line options, stores, policies and tables hold it.

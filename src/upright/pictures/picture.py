@@ -222,7 +222,7 @@ def _draw_world(canvas: Canvas, layout: Layout, scene: Scene) -> None:
     canvas.rod(POLE, hinge, layout.tip(hinge, scene.state.theta), POLE_WIDTH)
     canvas.disc(INK, hinge, 0.7 * POLE_WIDTH)
     canvas.disc(PAPER, hinge, 0.25 * POLE_WIDTH)
-    _draw_force(canvas, middle, scene.force / layout.parameters.force)
+    _draw_force(canvas, middle, scene.force / abs(layout.parameters.force))
 
 
 def _draw_wedge(canvas: Canvas, layout: Layout, hinge: Point) -> None:

@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from itertools import repeat
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from upright.core.parameters import Parameters
 from upright.core.task import Task
 from upright.core.trials import Result
 from upright.errors import Stopped
@@ -38,6 +39,16 @@ HOLD, CLOSE = 0.5, 1.5
 """How much longer the last picture of a trial is shown, and that of the film [s]."""
 
 T = TypeVar("T")
+
+
+class Shot(NamedTuple):
+    """What a picture of the film shows."""
+
+    parameters: Parameters
+    """The parameters that the plant then has."""
+    scene: Scene
+    lasts: int = 1
+    """For how many pictures it is shown."""
 
 
 class Film:
@@ -71,8 +82,8 @@ class Film:
                 self._every *= 2
                 self._middle = [c for c in self._middle if (c.trial - FIRST) % self._every == 0]
 
-    def scenes(self, who: str) -> list[tuple[Scene, int]]:
-        """Return what the film shows: scenes, and how many pictures each of them lasts.
+    def shots(self, who: str) -> list[Shot]:
+        """Return what the film shows.
 
         Parameters
         ----------
@@ -82,13 +93,13 @@ class Film:
         last = self._present
         if last is None:
             return []
-        shown = [scene for clip in self._first for scene in clip.whole(who)]
+        shown = [shot for clip in self._first for shot in clip.whole(who)]
         each = pictures_in(MIDDLE, last.task) // max(1, len(self._middle))
         note = f"fast forward: trials {FIRST + 1:,} to {last.trial - 1:,}"
         for clip in self._middle:
-            shown += [(scene, 1) for scene in clip.glimpse(who, each, note)]
+            shown += clip.glimpse(who, each, note)
         shown += last.whole(who)
-        return [*shown, (shown[-1][0], pictures_in(CLOSE - HOLD, last.task))]
+        return [*shown, shown[-1]._replace(lasts=pictures_in(CLOSE - HOLD, last.task))]
 
     @property
     def task(self) -> Task:
@@ -125,12 +136,11 @@ class Film:
         UprightError
             If the video cannot be written.
         """
-        scenes = self.scenes(who)
-        parameters = self.task.parameters
+        shots = self.shots(who)
 
         def frames() -> Iterator[np.ndarray]:
-            total, done = sum(lasts for _, lasts in scenes), 0
-            for scene, lasts in scenes:
+            total, done = sum(shot.lasts for shot in shots), 0
+            for parameters, scene, lasts in shots:
                 if stop is not None and stop[0]:
                     raise Stopped
                 pixels = picture(parameters, scene, size)
@@ -180,24 +190,28 @@ class _Clip:
         self._begin.clear()
         self._end.clear()
 
-    def whole(self, who: str) -> list[tuple[Scene, int]]:
-        """Return the scenes of the trial, with how many pictures each lasts."""
+    def whole(self, who: str) -> list[Shot]:
+        """Return the shots of the trial."""
         begin, end = self._begin, list(self._end)
         gap = end[0].step - begin[-1].step if end else 0
-        shown = [scene_of(moment, who, chart=True) for moment in begin]
+        shown = [_shot(moment, who) for moment in begin]
         if gap > self._stride:
             inside = [m for m in self._sample if begin[-1].step < m.step < end[0].step]
             note = f"fast forward: {in_words(gap * self.task.parameters.time_step)}"
             for moment in _spread(inside, pictures_in(JUMP, self.task)):
-                shown.append(scene_of(moment, who, chart=True)._replace(note=note))
-        shown += [scene_of(moment, who, chart=True) for moment in end]
-        return [*((scene, 1) for scene in shown), (shown[-1], pictures_in(HOLD, self.task))]
+                shown.append(_shot(moment, who, note))
+        shown += [_shot(moment, who) for moment in end]
+        return [*shown, shown[-1]._replace(lasts=pictures_in(HOLD, self.task))]
 
-    def glimpse(self, who: str, most: int, note: str) -> Iterator[Scene]:
-        """Yield at most so many scenes of the trial, the last of which is its end."""
+    def glimpse(self, who: str, most: int, note: str) -> Iterator[Shot]:
+        """Yield at most so many shots of the trial, the last of which is its end."""
         sample = self._sample[:-1] if self._sample[-1] is self._last else self._sample
         for moment in _spread([*sample, self._last], most):
-            yield scene_of(moment, who, chart=True)._replace(note=note)
+            yield _shot(moment, who, note)
+
+
+def _shot(moment: Moment, who: str, note: str = "") -> Shot:
+    return Shot(moment.task.parameters, scene_of(moment, who, chart=True)._replace(note=note))
 
 
 def stride(task: Task) -> int:

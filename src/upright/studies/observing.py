@@ -7,7 +7,6 @@ and changes none, so the trials are those of a run that nobody observes.
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from upright.core.compiled import is_compiled
 from upright.core.contracts import Agent, GymnasiumLearner, Plant
 from upright.core.loops import bind
 from upright.core.parameters import State
-from upright.core.task import Task
+from upright.core.task import Task, present_task
 from upright.core.trials import run
 from upright.errors import Stopped, UprightError
 from upright.pictures.scene import History, Scene
@@ -28,7 +27,7 @@ class Moment(NamedTuple):
     """A step of a trial, or its start."""
 
     task: Task
-    """The task, with the run's own plant."""
+    """The task, with the run's own plant as it then is: a condition may change it."""
     lengths: np.ndarray
     """Steps of each trial that has ended, as the loop keeps them."""
     trial: int
@@ -95,8 +94,8 @@ class _Watch:
     def __init__(
         self, task: Task, lengths: np.ndarray, stop: np.ndarray, observer: Observer
     ) -> None:
-        self._fixed = partial(Moment, task, lengths)
-        self._stop, self._observer, self._steps = stop, observer, task.steps
+        self._task, self._lengths = task, lengths
+        self._stop, self._observer = stop, observer
         self._last_fall: State | None = None
 
     def tell(
@@ -105,8 +104,9 @@ class _Watch:
         """Tell of a step, or, as step 0, of a start; raise Stopped if the run is to stop."""
         if self._stop[0]:
             raise Stopped
-        ending = "fallen" if fallen else "balanced" if step == self._steps else ""
-        self._observer(self._fixed(trial, step, state, measured, force, ending, self._last_fall))
+        ending = "fallen" if fallen else "balanced" if step == self._task.steps else ""
+        now = present_task(self._task), self._lengths, trial, step
+        self._observer(Moment(*now, state, measured, force, ending, self._last_fall))
         if fallen:
             self._last_fall = state
 

@@ -314,7 +314,7 @@ def pictures(
         for moment in moments:
             numbered(moment)
         for moment in shown:
-            pixels = picture(task.parameters, scene_of(moment, policy.agent), size)
+            pixels = picture(moment.task.parameters, scene_of(moment, policy.agent), size)
             yield pixels
         on_trial(outcome)
         yield from repeat(pixels, PAUSE)
