@@ -665,6 +665,19 @@ def test_a_portrait_has_limits_and_a_title_in_words(portrait):
     assert "smoothed over 17 steps (0.34 s)" in labels_of(figure)
 
 
+@pytest.mark.slow
+def test_a_portrait_is_of_the_plant_and_the_integrator_that_the_policy_had():
+    def states(integrator="rk4", **task):
+        plant = {"name": "equations", "integrator": integrator}
+        figure = plots.plot_phases(replace(linear(*GOOD_WEIGHTS, **task), plant=plant))
+        return lines_of(figure.axes[1], "every step")[0].get_xydata()
+
+    long = states(parameters={"half_length": 2.0})
+    np.testing.assert_array_equal(states(condition="at-0.half_length=2"), long)
+    assert (states()[1] != long[1]).any()
+    assert (states()[1] != states("euler")[1]).any()
+
+
 @pytest.mark.parametrize("weights", [POOR_WEIGHTS, (0.0, 0.0, -1.0, 0.0)])
 def test_the_portrait_of_a_fall_says_so(weights, tmp_path):
     figure = plots.plot_phases(linear(*weights))

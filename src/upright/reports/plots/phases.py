@@ -10,12 +10,14 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from upright.core.contracts import Plant
 from upright.core.task import Task
 from upright.plants.equations import equations
 from upright.policies.policy import Policy
 from upright.reports.names import agent_name, noise_name
 from upright.reports.plots.style import INK, WIDTH, entitle, mark_limits, styled
 from upright.studies.playing import case_for, record
+from upright.studies.run import make_plant
 
 PORTRAIT_STEPS = 500
 """Number of steps in a phase portrait: 10 seconds."""
@@ -30,11 +32,14 @@ COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1, 256)))
 """Of time, without the yellow end, which is hard to see on white."""
 
 
-def trajectory(policy: Policy, task: Task, seed: int = 0) -> np.ndarray:
-    """Play a policy for one trial, and return all states, shape (steps + 1, 4)."""
-    plant = equations(task.parameters)
-    scenes, _ = record(policy, plant, task, np.random.default_rng(seed))
-    return np.array([scene.state for scene in scenes])
+def trajectory(policy: Policy, task: Task, seed: int = 0, plant: Plant | None = None) -> np.ndarray:
+    """Play a policy for one trial, and return all states, shape (steps + 1, 4).
+
+    The plant is the equations unless another is given, as for a task that changes it.
+    """
+    plant = plant or equations(task.parameters)
+    moments, _ = record(policy, plant, task, np.random.default_rng(seed))
+    return np.array([moment.state for moment in moments])
 
 
 def smoothed(states: np.ndarray) -> np.ndarray:
@@ -90,8 +95,9 @@ def plot_phases(policy: Policy) -> Figure:
     and pale, zigzag. The coloured line is their average over some steps around each moment, with
     arrows in the direction of motion.
     """
-    task = case_for(policy, steps=PORTRAIT_STEPS).spec.task()
-    states = trajectory(policy, task)
+    case = case_for(policy, steps=PORTRAIT_STEPS)
+    plant, task = make_plant(case, policy.seed, policy.run, np.zeros(1, np.bool_))
+    states = trajectory(policy, task, plant=plant)
     step, parameters = task.parameters.time_step, task.parameters
     seconds = np.arange(len(states)) * step
     position, angle = parameters.position_limit, np.degrees(parameters.angle_limit)
