@@ -129,6 +129,17 @@ def test_commands_go_on_with_a_task_that_is_saved_and_played(capsys):
     assert read_task("b.toml")["parameters"]["force"] == 9.0
 
 
+def test_what_goes_on_learning_has_the_plant_of_the_file():
+    Path("rk4.toml").write_text("steps = 50\n[plant]\nintegrator = 'rk4'")
+    learn = "learn {} --quiet --trials 2 --steps 50 --save-task b.toml"
+    assert run([*learn.format("random-search").split(), "--save", "a.npz"]) in (0, FAILED)
+    line = learn.format("--from a.npz --task rk4.toml").split()
+    assert run(line) in (0, FAILED)
+    assert read_task("b.toml")["plant"] == EquationsSettings("rk4")
+    assert run([*line, "--plant-set", "integrator=euler"]) in (0, FAILED)
+    assert read_task("b.toml")["plant"] == EquationsSettings()
+
+
 def test_a_table_of_a_saved_task_is_the_same(capsys):
     line = "table --agents random-search --runs 2 --format json --steps 50 --trials 3"
     options = "--noises sensor-5 --parameter half_length=0.3 --plant-set integrator=rk4"

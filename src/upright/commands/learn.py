@@ -26,6 +26,7 @@ from upright.commands.options import (
     add_task_options,
     case_of,
     changes_by_agent,
+    plant_asked_for,
     plant_of,
     save_task_of,
     size_of,
@@ -178,6 +179,4 @@ def _case_from(policy: "Policy", options: argparse.Namespace) -> "Case":
     if changes := changes_by_agent(options.changes, [policy.agent])[policy.agent]:
         refuse_settings_of_custom(policy.agent)
         settings = change_settings(settings, changes)
-    if options.plant != "equations" or options.plant_changes:
-        task["plant"] = plant_of(options)
-    return case_from(policy, settings, **task)
+    return case_from(policy, settings, **task, **plant_asked_for(options))

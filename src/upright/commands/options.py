@@ -361,6 +361,12 @@ def plant_of(options: argparse.Namespace) -> "PlantSettings":
     return change_settings(plant, changes)
 
 
+def plant_asked_for(options: argparse.Namespace) -> "dict[str, PlantSettings]":
+    """Return the plant as a part of the case, if an option or the file of --task names one."""
+    named = options.plant != "equations" or options.plant_changes or "plant" in in_file(options)
+    return {"plant": plant_of(options)} if named else {}
+
+
 def _refuse_misplaced(
     kind: str, texts: Sequence[str], options: argparse.Namespace, agents: Sequence[str] = ()
 ) -> None:

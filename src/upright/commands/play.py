@@ -15,8 +15,7 @@ from upright.commands.options import (
     add_plant_options,
     add_task_file,
     add_task_options,
-    in_file,
-    plant_of,
+    plant_asked_for,
     save_task_of,
     size_of,
     task_of,
@@ -89,9 +88,7 @@ def _play(options: argparse.Namespace) -> int:
     policy = load_policy(options.policy, options.agent)
     if options.greedy:
         policy = replace(policy, greedy=True)
-    if options.plant != "equations" or options.plant_changes or "plant" in in_file(options):
-        changes["plant"] = plant_of(options)
-    case = case_for(policy, **changes)
+    case = case_for(policy, **changes, **plant_asked_for(options))
     require("episodes", episodes, 1, 10**6, whole=True)
     check_study(episodes, options.seed)
     if options.video is not None:
