@@ -134,6 +134,10 @@ def test_tables_of_terms_are_what_the_texts_are(monkeypatch, tmp_path):
             "[plant]\nname='gazebo'\nengine='ode'\nphysics_step=0.02",
             "line 1, plant: physics_step is 0.02; with ODE it must be at most",
         ),
+        (
+            "[plant]\nname='a:B'\nplant_name='c:D'",
+            "line 3, plant.plant_name: plant is 'a:B'; it has",
+        ),
         ("steps = \ntrials = 1", r"it is not TOML: Invalid value \(at line 1"),
         ("#" * 10**6 + "#", "it is larger than 1,000,000 bytes"),
     ],
@@ -208,6 +212,13 @@ def test_a_task_is_read_back_as_it_was_written(spec, plant, path):
     case = replace(CASE, spec=spec, plant=plant)
     save_task(path, case)
     assert make_case(case.agent, **read_task(path)) == case
+
+
+def test_a_custom_plant_is_named_once(path):
+    case = replace(CASE, plant=PLANTS.default("examples.own_plant:SlowMotor"))
+    save_task(path, case)
+    assert tomllib.loads(path.read_text())["plant"] == {"name": "examples.own_plant:SlowMotor"}
+    assert read_task(path)["plant"] == case.plant
 
 
 def test_a_written_file_says_everything_with_its_meaning():

@@ -147,6 +147,8 @@ def _plant(file: TomlFile, values: Any) -> PlantSettings:
     default = file.checked(lambda named: PLANTS.default(named["name"]), {"name": name}, "plant")
     own = {name: value for name, value in values.items() if name != "name"}
     for setting in own:
+        if PLANTS.is_path(name):
+            raise file.error(f"plant is {name!r}; it has no settings", "plant", setting)
         allowed = [*values_of(default), *getattr(default, "RENAMED", {})]
         _check_name(file, "setting", setting, allowed, "plant", plant=name)
     return file.checked(lambda some: with_values(default, some), own, "plant")
@@ -196,7 +198,10 @@ def task_text(spec: TaskSpec, plant: PlantSettings) -> str:
         *_lines(spec.parameters._asdict(), _meanings(spec.parameters)),
         "",
         "[plant]",
-        *_lines(describe_plant(plant), {"name": summary, **describe_settings(plant)}),
+        *_lines(
+            {"name": plant.name} if PLANTS.is_path(plant.name) else describe_plant(plant),
+            {"name": summary, **describe_settings(plant)},
+        ),
     ]
     return "\n".join(lines) + "\n"
 
