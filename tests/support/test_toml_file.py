@@ -45,6 +45,11 @@ def file_of(tmp_path):
     return read
 
 
+def test_a_number_that_python_does_not_write_is_refused(file_of):
+    with pytest.raises(UprightError, match="it is not TOML: Exceeds the limit"):
+        file_of("steps = 0x" + "f" * 5000)
+
+
 @pytest.mark.parametrize("ending", ["\n", "\r\n"])
 @pytest.mark.parametrize(
     ("keys", "line"),

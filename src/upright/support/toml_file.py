@@ -125,7 +125,9 @@ def read_toml(path: Path | str, kind: str) -> TomlFile:
     try:
         require_one_of("its ending", path.suffix, (SUFFIX,))
         text = _text(path)
-        return TomlFile(kind, path, text, tomllib.loads(text))
+        content = tomllib.loads(text)
+        repr(content)  # raises for a hexadecimal number of more digits than Python writes
+        return TomlFile(kind, path, text, content)
     except UprightError as error:
         why = str(error)
     except (ValueError, RecursionError) as error:  # not TOML, or not UTF-8
