@@ -13,7 +13,7 @@ from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.core.task import TaskSpec
 from upright.errors import UprightError
-from upright.plants import describe_plant, restore_plant, urdf
+from upright.plants import describe_plant, own_model, restore_plant, urdf
 from upright.plants.mujoco import Mujoco
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
@@ -289,6 +289,12 @@ def test_files_that_cannot_be_read_are_explained(name, content, message, tmp_pat
     with pytest.raises(UprightError, match=message) as caught:
         make_case("random-search", plant=Mujoco(model=tmp_path / name))
     assert "\n" not in str(caught.value)
+
+
+def test_comments_above_a_model_do_not_matter():
+    comments = b"<?xml version='1.0'?>" + b"<!-- a licence -->\n" * 60
+    assert own_model.URDF.match(comments + b"<robot name='a'/>")
+    assert not own_model.URDF.match(comments + b"<mujoco/>" + comments)
 
 
 def test_the_content_of_a_model_and_its_parts_is_in_the_key(mjcf, tmp_path):

@@ -19,7 +19,7 @@ from upright.support.words import count
 
 OF_THE_TASK = ("force", "time_step", "position_limit", "angle_limit")
 """The parameters that belong to the task; all others are physics, and the model's own."""
-URDF = re.compile(rb"(?:\s|\xef\xbb\xbf|<\?.*?\?>|<!--.*?-->)*<robot\b", re.DOTALL)
+URDF = re.compile(rb"(?>\s|\xef\xbb\xbf|<\?.*?\?>|<!--.*?-->)*+<robot\b", re.DOTALL)
 """How a URDF file begins; any other is MJCF."""
 SLANT = 0.2
 """Largest cosine at which two axes count as being at a right angle: 12° off."""
