@@ -255,6 +255,9 @@ def test_settings_of_a_model_need_one():
         ({"condition": "varied-plant"}, "^cart_mass, pole_mass, half_length cannot be changed"),
         ({"parameters": {"position_limit": 2.0}}, "^position_limit is 2; it must be at most 1 on"),
         ({"parameters": {"force": 301}}, "^force is 301; it must be at most 300 on"),
+        ({"condition": "at-5.force=-301"}, "^force is 301; it must be at most 300 on"),
+        ({"condition": "left-force=302"}, "^force is 302; it must be at most 300 on"),
+        ({"condition": "each-episode.force=9:400,saturation=350"}, "^force is 350; it must be at"),
     ],
 )
 def test_parameters_that_are_the_models_are_refused(task, message):

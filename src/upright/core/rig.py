@@ -135,6 +135,14 @@ def draw_rows(draws: tuple[Draw, ...]) -> np.ndarray:
     return np.array(rows, np.float64).reshape(-1, 4)
 
 
+def largest_push(rig: Rig) -> float:
+    """Return the largest force [N] with which the motor may push in a run."""
+    changed = rig.changes[rig.changes[:, 1] == FORCE_PARAMETER, 2]
+    drawn = rig.draws[rig.draws[:, 0] == FORCE_PARAMETER, 2]
+    forces = np.abs(np.concatenate([rig.present[FORCE_PARAMETER], changed, drawn]))
+    return min(float(forces.max()) * max(rig.left, 1.0), rig.saturation)
+
+
 @compiled
 def draw_parameters(
     draws: np.ndarray, present: np.ndarray, i: int, rng: np.random.Generator

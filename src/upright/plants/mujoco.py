@@ -27,7 +27,7 @@ from upright.core.compiled import compiled, inlined
 from upright.core.conditions import condition_of
 from upright.core.contracts import Plant
 from upright.core.parameters import LARGEST, Parameters, State, check_parameters
-from upright.core.rig import make_rig
+from upright.core.rig import largest_push, make_rig
 from upright.core.task import Task
 from upright.errors import UprightError, require, require_module, require_one_of
 from upright.plants import own_model
@@ -99,6 +99,8 @@ class Mujoco:
         """
         plant = self.plant(context.task.parameters)
         rig = make_rig(condition_of(context.spec.condition), plant.parameters)
+        if rig is not None and (largest := largest_push(rig)) > plant.parameters.force:
+            self.check(plant.parameters._replace(force=largest))
         return plant, context.task._replace(parameters=plant.parameters, rig=rig)
 
     def version(self) -> str:
