@@ -85,11 +85,11 @@ class TaskSpec:
     """
 
     noise: str = "none"
-    """Name of the noise case, or terms (`core.conditions.NOISE_TERMS`), in canonical form."""
+    """Name of the noise case, or terms (`upright terms`), in canonical form."""
     start: str = "random"
     """Name of the start."""
     condition: str = "nominal"
-    """Name of the condition, or terms (`core.conditions.CONDITION_TERMS`), in canonical form."""
+    """Name of the condition, or terms (`upright terms`), in canonical form."""
     steps: int = STEPS
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
