@@ -6,6 +6,7 @@ from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
 from upright.plants import PLANTS, describe_plant, restore_plant
+from upright.plants.equations import equations
 from upright.plants.mujoco import Mujoco
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
@@ -37,6 +38,14 @@ def test_every_plant_keeps_the_contract(name):
     assert plant.reset(STATE) == STATE
     assert [plant.step(10.0) for _ in range(3)] == first
     plant.close()
+
+
+def test_a_state_may_have_whole_numbers():
+    plant = equations()
+    plant.reset(State(0, 0, 0.1, 0))
+    pushed = plant.step(5)
+    plant.reset(State(0.0, 0.0, 0.1, 0.0))
+    assert plant.step(5.0) == pushed
 
 
 @pytest.mark.parametrize("name", PLANTS)

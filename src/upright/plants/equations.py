@@ -76,8 +76,7 @@ class ChangingEquations(NamedTuple):
 @compiled
 def put(memory: np.ndarray, state: State) -> State:
     """Write a state to the memory of a plant, shape (4,), and return it."""
-    for i in range(4):
-        memory[i] = state[i]
+    memory[0], memory[1], memory[2], memory[3] = state  # also numbers of several types
     return state
 
 
