@@ -74,13 +74,23 @@ def test_help_of_every_command_fits_every_encoding(encoding, every_command, stre
     assert ("within +/-0.05" in shown) == (encoding == "ascii")
 
 
-@pytest.mark.parametrize("words", [["agents"], ["agents", "q-learning"], ["plants"], []])
+@pytest.mark.parametrize(
+    "words", [["agents"], ["agents", "q-learning"], ["plants"], ["terms"], ["cite"], []]
+)
 def test_lists_fit_ascii(words, stream):
     out = stream("ascii")
     assert run(words) == 0
     shown = out.buffer.getvalue().decode("ascii")
     assert shown
     assert "\\u" not in shown
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_the_terms_fit_the_terminal(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert run(["terms"]) == 0
+    longest = max(len(line) for line in capsys.readouterr().out.splitlines())
+    assert columns - 10 < longest <= columns
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,13 @@ Terms are joined by commas, and go with the names of cases: --noise actuator=0.1
 """
 
 import argparse
+import textwrap
 from collections.abc import Mapping
 
 from upright.commands.parser import Parser
 from upright.core.conditions import CONDITION_TERMS, NOISE_TERMS
 from upright.core.terms import RANGE, VARIABLE, Term
+from upright.support import terminal
 
 EXAMPLES = """\
 examples:
@@ -38,15 +40,17 @@ def run(options: argparse.Namespace) -> int:
     show = markdown if options.format == "markdown" else text
     for option, terms in (("--noise", NOISE_TERMS), ("--condition", CONDITION_TERMS)):
         print(f"Terms of {option}:\n\n{show(terms)}\n")
-    print(f"PARAMETER is one of {', '.join(VARIABLE)} (units: upright plants).")
+    note = f"PARAMETER is one of {', '.join(VARIABLE)} (units: upright plants)."
+    print(note if options.format == "markdown" else _wrapped(note))
     return 0
 
 
 def text(terms: Mapping[str, Term]) -> str:
-    """Return a line for each term: how it is written, and what it means."""
+    """Return each term, how it is written and what it means, in lines that fit the terminal."""
     width = max(len(_written(name, term)) for name, term in terms.items())
     return "\n".join(
-        f"  {_written(name, term):{width}}  {term.meaning}" for name, term in terms.items()
+        _wrapped(f"  {_written(name, term):{width}}  {term.meaning}", indent=width + 4)
+        for name, term in terms.items()
     )
 
 
@@ -54,6 +58,16 @@ def markdown(terms: Mapping[str, Term]) -> str:
     """Return the terms as a table in Markdown, with where each is from."""
     rows = [f"| `{_written(n, t)}` | {t.meaning} | {t.source} |" for n, t in terms.items()]
     return "\n".join(["| term | meaning | source |", "|---|---|---|", *rows])
+
+
+def _wrapped(line: str, indent: int = 0) -> str:
+    return textwrap.fill(
+        line,
+        max(terminal.width(), indent + 20),
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def _written(name: str, term: Term) -> str:
