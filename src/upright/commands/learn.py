@@ -8,8 +8,8 @@ trials; the grey cart-pole is the last fall.
 
 With --from the agent is not new: it goes on learning from a policy, with all that it had learned
 and with the policy's settings. The task is the one that the policy was trained on, except where
-options override it, and the plant is the equations unless --plant says otherwise. The policy's file
-stays as it is.
+options override it; but --steps and --trials have their usual defaults, and the plant is the
+equations unless --plant says otherwise. The policy's file stays as it is.
 """
 
 import argparse

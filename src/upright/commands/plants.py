@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"{options.plant}: {PLANTS.summary(options.plant)}")
         settings = plant_of(options)
         if not PLANTS.is_path(options.plant):
-            print_settings({"changed" if options.plant_changes else "default": settings})
+            print_settings({"value" if options.plant_changes else "default": settings})
         _print_found(settings)
         return 0
     if options.plant_changes:

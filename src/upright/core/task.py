@@ -85,11 +85,11 @@ class TaskSpec:
     """
 
     noise: str = "none"
-    """Name of the noise case, or terms (`upright terms`), in canonical form."""
+    """Noise: the name of a case, or terms (see `upright terms`)."""
     start: str = "random"
     """Name of the start."""
     condition: str = "nominal"
-    """Name of the condition, or terms (`upright terms`), in canonical form."""
+    """Condition: the name of a case, or terms (see `upright terms`)."""
     steps: int = STEPS
     """N: a trial that lasts this many steps without a fall succeeds."""
     trials: int = TRIALS
