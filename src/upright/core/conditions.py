@@ -279,7 +279,9 @@ CONDITION_TERMS = {
     "measurement-delay": Term(
         "measurements are this many steps late", "steps", 0, 1000, whole=True
     ),
-    "dropped": Term("each measurement is lost with this probability", FRACTION),
+    "dropped": Term(
+        "each measurement is lost with this probability; the last one is read again", FRACTION
+    ),
     "at-STEP.PARAMETER": Term(
         "after STEP steps of a run, PARAMETER has this value; a force below 0 flips the pushes",
         "its unit",
