@@ -294,7 +294,7 @@ SIZES: dict[str, tuple[str, ...]] = {
     "dead-zone": ("1.5",),
     "saturation": ("8",),
     "wind": ("0.7", "-1"),
-    "gust": ("4",),
+    "gust": ("4", "5,gust-every=0.2,gust-for=0.1"),
     "angle-bias": ("0.3",),
     "position-bias": ("-0.1",),
     "encoder": ("1024", "360"),

@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+from itertools import chain
 
 import gymnasium
 import numpy as np
@@ -19,7 +20,7 @@ from environment_helpers import (
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from helpers import GOOD_WEIGHTS
+from helpers import GOOD_WEIGHTS, OF_A_RUN, SIZES, task_texts
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -59,35 +60,9 @@ RANGES = {
     "static_friction": (0.5, 2.0),
 }
 """Where tests take parameters from; no start of theirs is beyond these limits."""
-TERMS = {
-    "friction": st.sampled_from(["2", "50"]),
-    "stick-slip": st.sampled_from(["1", "3.5"]),
-    "tilt": st.sampled_from(["-3", "5"]),
-    "delay": st.sampled_from(["1", "2", "5"]),
-    "left-force": st.sampled_from(["3", "12"]),
-    "lag": st.sampled_from(["0.01", "0.2"]),
-    "dead-zone": st.sampled_from(["1.5"]),
-    "saturation": st.sampled_from(["8"]),
-    "wind": st.sampled_from(["-1", "2"]),
-    "gust": st.sampled_from(["4"]),
-    "angle-bias": st.sampled_from(["1"]),
-    "position-bias": st.sampled_from(["-0.1"]),
-    "encoder": st.sampled_from(["64", "1024"]),
-    "velocity-differences": st.just(""),
-    "measurement-delay": st.sampled_from(["1", "3"]),
-    "dropped": st.sampled_from(["0.2"]),
-    "at-7.half_length": st.sampled_from(["0.2", "1.5"]),
-    "at-30.force": st.sampled_from(["-10", "4"]),
-    "each-episode.cart_mass": st.sampled_from(["0.5:2", "0.5:2:log"]),
-    "each-episode.gravity": st.sampled_from(["5:15"]),
-}
-noises = st.sampled_from(["none", "all-10", "actuator=0.3,gaussian=0.4", "sensor=0.1"])
-conditions = st.fixed_dictionaries({}, optional=TERMS).map(
-    lambda terms: (
-        ",".join(f"{name}={size}".rstrip("=") for name, size in terms.items()) or "nominal"
-    )
-)
-DRAWN = [name for name in RANGES if name not in ("half_length", "force", "cart_mass", "gravity")]
+texts = task_texts(without=OF_A_RUN)
+"""A noise and a condition."""
+DRAWN = [name for name in RANGES if not any(f".{name}=" in size for size in chain(*SIZES.values()))]
 """Parameters that no condition of these tests sets."""
 
 
@@ -169,24 +144,21 @@ def assert_many_are_as_many_single_ones(name, mode, parameters, **arguments):
 
 @pytest.mark.slow
 @settings(max_examples=20)
-@example("NextStep", "all-10", "nominal", {}, {}, "euler")
+@example("NextStep", ("all-10", "nominal"), {}, {}, "euler")
 @given(
     mode=st.sampled_from(MODES),
-    noise=noises,
-    condition=conditions,
+    texts=texts,
     randomise=ranges(),
     parameters=per_lane(),
     integrator=st.sampled_from(["euler", "semi-implicit", "rk4"]),
 )
-def test_many_are_as_many_single_ones_bit_for_bit(
-    mode, noise, condition, randomise, parameters, integrator
-):
+def test_many_are_as_many_single_ones_bit_for_bit(mode, texts, randomise, parameters, integrator):
     assert_many_are_as_many_single_ones(
         NAMES[0],
         mode,
         parameters,
-        noise=noise,
-        condition=condition,
+        noise=texts[0],
+        condition=texts[1],
         randomise=randomise,
         integrator=integrator,
     )
@@ -225,9 +197,10 @@ class Agent:
 
 
 @settings(max_examples=30)
-@given(noise=noises, condition=conditions, start=st.sampled_from(list(STARTS)))
-def test_an_environment_is_the_loop_under_every_condition(noise, condition, start):
+@given(texts=texts, start=st.sampled_from(list(STARTS)))
+def test_an_environment_is_the_loop_under_every_condition(texts, start):
     """Three trials of a run: the same measurements, drawn from the same numbers."""
+    noise, condition = texts
     spec = TaskSpec(noise=noise, condition=condition, start=start, steps=40)
     plant, task = EQUATIONS.make(RunContext(spec.task(), spec, 0, np.zeros(1, np.bool_)))
     rng = np.random.Generator(LaneStream(SEED))
