@@ -129,6 +129,10 @@ def prepared(tmp_path_factory):
     cases = [upright.make_case("random-search", noise=n, steps=300) for n in ("none", "sensor-5")]
     with upright.Store(folder / "runs.sqlite") as store:
         upright.study(cases, runs=3, store=store)
+    lengths = [{"half_length": length} for length in (0.5, 1.0)]
+    swept = [upright.make_case("random-search", parameters=p, steps=300) for p in lengths]
+    with upright.Store(folder / "sweep.sqlite") as store:
+        upright.study(swept, runs=3, store=store)
     learner = "class PPO:\n    def __init__(self, rng): ...\n\n    def train(self, env): ...\n"
     (folder / "my_learners.py").write_text(learner)
     shutil.copy(ROOT / "tests/data/models/sideways.urdf", folder / "my_cart.urdf")
