@@ -187,6 +187,8 @@ def check_episodes(
         If episodes could begin beyond their limits, the shape is another, or a number is not
         finite.
     """
+    if given is None and state is None:
+        return None  # the environment was checked when it was made
     closest = np.array(setup.closest)[:, np.newaxis]
     plants = np.where(np.isnan(given), closest, given) if given is not None else closest
     plants = np.broadcast_to(plants, (len(closest), len(lanes)))[:, lanes]
