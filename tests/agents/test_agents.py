@@ -5,6 +5,7 @@ import zipfile
 from collections import defaultdict
 from dataclasses import asdict, fields
 from importlib import import_module
+from inspect import isclass
 from pkgutil import walk_packages
 
 import numpy as np
@@ -48,7 +49,7 @@ def named_tuples():
         found = walk_packages(package.__path__, f"{package.__name__}.")
         modules += [info.name for info in found]
     for module in map(import_module, modules):
-        for kind in vars(module).values():
+        for kind in filter(isclass, vars(module).values()):
             if hasattr(kind, "_fields") and kind.__module__ == module.__name__:
                 yield kind
 
