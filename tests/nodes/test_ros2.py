@@ -339,14 +339,14 @@ def test_a_simulator_refuses_what_it_cannot_be_set_to(simulator):
 def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
     hand.reset()
     hand.command(10.0)
-    hand.until(lambda: hand.states[-1].velocity[0] > 0.1)
+    hand.until(lambda: hand.states and hand.states[-1].velocity[0] > 0.1)
     count = len(hand.states)
     hand.command(*forces)
-    hand.until(lambda: hand.words[-1].startswith("Fault: effort is ["))
+    hand.until(lambda: hand.words and hand.words[-1].startswith("Fault: effort is ["))
     assert len(hand.states) == count
     hand.reset()  # it has recovered
     hand.command(-10.0)
-    hand.until(lambda: hand.states[-1].velocity[0] < -0.1)
+    hand.until(lambda: hand.states and hand.states[-1].velocity[0] < -0.1)
 
 
 def test_a_fault_ends_the_learner(simulator, start, hand):
@@ -388,7 +388,7 @@ def test_a_killed_learner_leaves_a_cart_at_rest(simulate, start, hand_of_simulat
     learner = start(f"ros2 learn --policy {path}")
     hand.until(lambda: len(hand.states) > 50 and abs(hand.states[-1].effort[0]) == 10)
     learner.kill()
-    hand.until(lambda: hand.words[-1] == "Done")
+    hand.until(lambda: hand.words and hand.words[-1] == "Done")
     pushes = [abs(state.effort[0]) for state in hand.states]
     assert pushes[-1] == 0
     assert 10 in pushes
