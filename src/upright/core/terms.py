@@ -7,6 +7,7 @@ same task has the same name everywhere; where lists of cases have commas between
 
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 from upright.core.parameters import LARGEST, ZERO_ALLOWED
@@ -150,10 +151,16 @@ def written(terms: Mapping[str, Term]) -> list[str]:
 
 
 def form_of(name: str, terms: Mapping[str, Term]) -> str | None:
-    """Return the name that a term has in the table of terms; None if it is not there."""
-    return next((form for form in terms if _pattern(form).fullmatch(name)), None)
+    """Return the name that a term has in the table of terms; None if it is not there.
+
+    Only names with a dot have words that stand for something.
+    """
+    if "." not in name:
+        return name if name in terms else None
+    return next((form for form in terms if "." in form and _pattern(form).fullmatch(name)), None)
 
 
+@cache
 def _pattern(form: str) -> re.Pattern[str]:
     """Return the pattern of the names that a name in the table of terms stands for."""
     pattern = re.escape(form)
@@ -164,7 +171,7 @@ def _pattern(form: str) -> re.Pattern[str]:
 
 def _places(form: str, name: str) -> dict[str, str]:
     """Return what stands in a name for the words STEP and PARAMETER."""
-    match = _pattern(form).fullmatch(name)
+    match = _pattern(form).fullmatch(name) if "." in form else None
     return match.groupdict() if match else {}
 
 
