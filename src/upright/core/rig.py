@@ -84,7 +84,7 @@ def make_rig(condition: Condition, parameters: Parameters, lanes: int = 1) -> Ri
     lanes
         Number of cart-poles.
     """
-    elsewhere = Condition()._replace(  # in the parameters, in the noise, or drawn before the run
+    elsewhere = Condition(  # in the parameters, in the noise, or drawn before the run
         varies_plant=condition.varies_plant,
         friction=condition.friction,
         hides_velocities=condition.hides_velocities,
@@ -234,15 +234,14 @@ def measurement(
 @compiled
 def _begin_episode(rig: Rig, rng: np.random.Generator, i: int) -> None:
     draw_parameters(rig.draws, rig.present, i, rng)
-    if rig.memory[STEPS, i] == 0.0:
-        _change(rig, i)
+    apply_changes(rig, 0.0, i)
 
 
 @compiled
-def _change(rig: Rig, i: int) -> None:
-    """Change the plant if that is due."""
+def apply_changes(rig: Rig, first: float, i: int) -> None:
+    """Change a lane's plant as is due from this step of the run to the present one."""
     for k in range(len(rig.changes)):
-        if rig.changes[k, 0] == rig.memory[STEPS, i]:
+        if first <= rig.changes[k, 0] <= rig.memory[STEPS, i]:
             rig.present[int(rig.changes[k, 1]), i] = rig.changes[k, 2]
 
 
@@ -290,7 +289,7 @@ def _acting_force(rig: Rig, noise: Noise, push: float, rng: np.random.Generator,
 def _measurement(rig: Rig, noise: Noise, state: State, rng: np.random.Generator, i: int) -> State:
     memory, h = rig.memory, rig.present[TIME_STEP, i]
     memory[STEPS, i] += 1.0
-    _change(rig, i)
+    apply_changes(rig, memory[STEPS, i], i)
     seen = _sense(rig, noise, state, rng)
     if rig.takes_differences:
         x_dot, theta_dot = (seen.x - memory[X, i]) / h, (seen.theta - memory[THETA, i]) / h

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from upright.core.compiled import compiled, inlined
 from upright.core.conditions import Condition, Draw
 from upright.core.parameters import Parameters, check_parameters
-from upright.core.rig import PARAMETER, STEPS, Rig, draw_parameters, lanes_of, parameters_of
+from upright.core.rig import PARAMETER, Rig, apply_changes, draw_parameters, lanes_of, parameters_of
 from upright.core.task import check_varied
 from upright.core.terms import Range
 from upright.errors import UprightError, require_kind, require_one_of
@@ -80,20 +80,12 @@ def _begin_plant(
     for row in range(len(present)):
         plants.last[row, i], plants.last_varied[row, i] = present[row, i], varied[row, i]
         present[row, i], varied[row, i] = shared[row], plants.always[row]
-    _repeat_changes(rig, i)
+    if rig is not None:
+        apply_changes(rig, 0.0, i)
     draw_parameters(plants.draws, present, i, rng)
     for row in range(len(present)):
         if not np.isnan(given[row, i]):
             present[row, i], varied[row, i], given[row, i] = given[row, i], True, np.nan
-
-
-@compiled
-def _repeat_changes(rig: Rig | None, i: int) -> None:
-    """Apply the changes that earlier episodes of a lane's run have seen."""
-    if rig is not None:
-        for k in range(len(rig.changes)):
-            if rig.changes[k, 0] <= rig.memory[STEPS, i]:
-                rig.present[int(rig.changes[k, 1]), i] = rig.changes[k, 2]
 
 
 def report(present: Array, varied: Array, lanes: Array) -> dict[str, Any]:
