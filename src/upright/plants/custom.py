@@ -26,7 +26,13 @@ from upright.core.task import Task
 from upright.errors import PlantError, Stopped, UprightError
 from upright.plants.settings import RunContext
 from upright.support import code_names
-from upright.support.custom_code import CustomCode, mismatch, path_of
+from upright.support.custom_code import (
+    CustomCode,
+    lacking,
+    path_of,
+    refuse_class,
+    refuse_mismatches,
+)
 from upright.support.faults import RAISED, fault, place
 
 METHODS = {"reset": ("state",), "step": ("force",)}
@@ -131,24 +137,15 @@ def plants_in(path: Path) -> list[str]:
 
 def _check_contract(name: str, plant: object) -> None:
     """Raise PlantError unless a plant can be called as the loop does."""
-    if isinstance(plant, type):
-        raise PlantError(
-            f"plant is {name!r}; it returned the class {plant.__name__}; it must return an object "
-            "of the class"
-        )
+    refuse_class(PlantError, name, plant)
     needed = METHODS | OPTIONAL if is_compiled(plant) else METHODS
-    lacking = [method for method in needed if not callable(getattr(plant, method, None))]
-    if lacking:
+    if missing := lacking(plant, needed):
         kind = "a compiled plant" if is_compiled(plant) else "a plant"
         raise PlantError(
-            f"plant is {name!r}; it lacks {_listed(lacking)}; {kind} has the methods "
+            f"plant is {name!r}; it lacks {_listed(missing)}; {kind} has the methods "
             f"{_listed(needed)}"
         )
-    given = {method: call for method, call in OPTIONAL.items() if hasattr(plant, method)}
-    calls = METHODS | given
-    wrong = [text for method, call in calls.items() if (text := mismatch(plant, method, call))]
-    if wrong:
-        raise PlantError(f"plant is {name!r}; {'; '.join(wrong)}")
+    refuse_mismatches(PlantError, name, plant, METHODS, OPTIONAL)
 
 
 def _listed(methods: Any) -> str:

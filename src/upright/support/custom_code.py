@@ -3,7 +3,7 @@
 import inspect
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -149,6 +149,49 @@ def path_of(thing: Any, error: type[CodeError], find: Callable[[str], object]) -
             f"{error.owner} is {path!r}; another class or function has that name now"
         )
     return path
+
+
+Calls = Mapping[str, tuple[str, ...]]
+"""Methods by name, with the names of what they are called with."""
+
+
+def refuse_class(kind: type[CodeError], name: str, thing: object) -> None:
+    """Raise an error of this kind if custom code returned a class in place of an object."""
+    if isinstance(thing, type):
+        raise kind(
+            f"{kind.owner} is {name!r}; it returned the class {thing.__name__}; it must return an "
+            "object of the class"
+        )
+
+
+def lacking(thing: object, needed: Calls) -> list[str]:
+    """Return the names of the methods that an object does not have."""
+    return [method for method in needed if not callable(getattr(thing, method, None))]
+
+
+def refuse_mismatches(
+    kind: type[CodeError], name: str, thing: object, needed: Calls, optional: Calls
+) -> None:
+    """Raise an error of this kind unless methods can be called as they will be.
+
+    Parameters
+    ----------
+    kind
+        Class of the error: whose code it is.
+    name
+        Name of the custom code.
+    thing
+        The object that it made.
+    needed
+        Methods that it has.
+    optional
+        Methods that it may have.
+    """
+    given = {method: call for method, call in optional.items() if hasattr(thing, method)}
+    calls = {**needed, **given}
+    wrong = [text for method, call in calls.items() if (text := mismatch(thing, method, call))]
+    if wrong:
+        raise kind(f"{kind.owner} is {name!r}; {'; '.join(wrong)}")
 
 
 def mismatch(thing: object, name: str, call: tuple[str, ...]) -> str:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from upright.errors import AgentError
-from upright.support.custom_code import mismatch
+from upright.support.custom_code import lacking, refuse_class, refuse_mismatches
 
 METHODS = {
     "begin_trial": ("rng",),
@@ -33,23 +33,14 @@ def check_contract(name: str, agent: object) -> None:
     agent
         What was created under this name.
     """
-    if isinstance(agent, type):
-        raise AgentError(
-            f"agent is {name!r}; it returned the class {agent.__name__}; it must return an object "
-            "of the class"
-        )
+    refuse_class(AgentError, name, agent)
     needed = TRAIN if is_learner(agent) else METHODS
-    lacking = [method for method in needed if not callable(getattr(agent, method, None))]
-    if lacking:
+    if missing := lacking(agent, needed):
         raise AgentError(
-            f"agent is {name!r}; it lacks {_listed(lacking)}; an agent has the methods "
+            f"agent is {name!r}; it lacks {_listed(missing)}; an agent has the methods "
             f"{_listed(METHODS)}; a learner that only knows Gymnasium has {_listed(TRAIN)}"
         )
-    given = {method: call for method, call in OPTIONAL.items() if hasattr(agent, method)}
-    calls = needed | given
-    wrong = [text for method, call in calls.items() if (text := mismatch(agent, method, call))]
-    if wrong:
-        raise AgentError(f"agent is {name!r}; {'; '.join(wrong)}")
+    refuse_mismatches(AgentError, name, agent, needed, OPTIONAL)
 
 
 def _listed(methods: Any) -> str:
