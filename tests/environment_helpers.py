@@ -2,6 +2,7 @@
 
 import gymnasium
 import numpy as np
+from helpers import GOOD_WEIGHTS
 
 import upright  # noqa: F401 - makes the environments known
 
@@ -17,6 +18,24 @@ def make_many(count, name=NAMES[0], **options):
     return gymnasium.make_vec(
         name, count, vectorization_mode="vector_entry_point", **options
     ).unwrapped
+
+
+class Watching:
+    """An agent for the loop that balances more or less well, and notes what it measures."""
+
+    def __init__(self):
+        self.seen = []
+
+    def begin_trial(self, rng): ...
+
+    def act(self, observation, rng):
+        self.seen.append(observation)
+        return bool(np.dot(GOOD_WEIGHTS, observation) > 0)
+
+    def learn(self, before, action, after, fallen):
+        self.last = after
+
+    def end_trial(self, fallen): ...
 
 
 def act(env, rng, *shape):

@@ -9,6 +9,7 @@ import pytest
 from environment_helpers import (
     MODES,
     NAMES,
+    Watching,
     act,
     assert_alike,
     assert_steps_alike,
@@ -108,23 +109,7 @@ def test_the_integrator_moves_the_plant(integrator):
 @pytest.mark.parametrize("start", STARTS)
 def test_an_episode_is_what_the_trial_loop_makes_of_the_same_numbers(noise, start):
     """An agent sees the same and lasts as long in the loop and in the environment."""
-
-    class Agent:
-        def __init__(self):
-            self.seen = []
-
-        def begin_trial(self, rng): ...
-
-        def act(self, observation, rng):
-            self.seen.append(observation)
-            return bool(np.dot(GOOD_WEIGHTS, observation) > 0)
-
-        def learn(self, before, action, after, fallen):
-            self.last = after
-
-        def end_trial(self, fallen): ...
-
-    agent, task = Agent(), make_task(noise, start, steps=400)
+    agent, task = Watching(), make_task(noise, start, steps=400)
     env = make(noise=noise, start=start, dtype="float64").unwrapped
     rng = np.random.Generator(LaneStream(11))
     steps, fallen = trial(agent, equations(), task, rng)

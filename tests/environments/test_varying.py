@@ -11,6 +11,7 @@ import pytest
 from environment_helpers import (
     MODES,
     NAMES,
+    Watching,
     act,
     assert_alike,
     assert_steps_alike,
@@ -177,25 +178,6 @@ def test_many_with_continuous_actions_are_as_many_single_ones(mode):
     )
 
 
-class Agent:
-    """Balances more or less well, and notes what it measures."""
-
-    def __init__(self):
-        self.seen = []
-
-    def begin_trial(self, rng): ...
-
-    def act(self, observation, rng):
-        self.seen.append(observation)
-        return bool(np.dot(GOOD_WEIGHTS, observation) > 0)
-
-    def learn(self, before, action, after, fallen):
-        self.last = after
-
-    def end_trial(self, fallen):
-        self.seen.append(self.last)
-
-
 @settings(max_examples=30)
 @given(texts=texts, start=st.sampled_from(list(STARTS)))
 def test_an_environment_is_the_loop_under_every_condition(texts, start):
@@ -208,14 +190,14 @@ def test_an_environment_is_the_loop_under_every_condition(texts, start):
     env.reset(seed=SEED)
     env.np_random = np.random.Generator(LaneStream(SEED))  # as it was before the first reset
     for _ in range(3):
-        agent = Agent()
+        agent = Watching()
         steps, fallen = trial(agent, plant, task, rng)
         observation, _ = env.reset()
         seen, over = [observation], False
         for _ in range(steps):
             observation, _, over, _, _ = env.step(int(np.dot(GOOD_WEIGHTS, observation) > 0))
             seen.append(observation)
-        np.testing.assert_array_equal(seen, agent.seen)
+        np.testing.assert_array_equal(seen, [*agent.seen, agent.last])
         assert over == fallen
 
 
@@ -231,7 +213,7 @@ def test_a_learner_has_the_condition_of_its_task(condition, drawn):
                 while not env.step(1)[2]:
                     pass
 
-    class Pusher(Agent):
+    class Pusher(Watching):
         def act(self, observation, rng):
             return True
 
