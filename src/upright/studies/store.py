@@ -17,6 +17,7 @@ from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError, require_kind
 from upright.studies.case import Case
+from upright.studies.outcomes import Outcomes, outcomes_of
 from upright.studies.records import describe_case, make_frame
 from upright.support.words import count
 
@@ -205,6 +206,15 @@ class Store:
             (key, seed, 2**62 if runs is None else runs),
         )
         return [_result(*row) for row in rows]
+
+    def outcomes(self, key: str, seed: int, runs: int | None = None) -> Outcomes:
+        """Return what came out of the finished runs of a case in order, or of its first `runs`."""
+        rows = self._each_row(
+            "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
+            "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
+            (key, seed, 2**62 if runs is None else runs),
+        )
+        return outcomes_of(_result(*row) for row in rows)
 
     def runs(self) -> Iterator[tuple[dict[str, Any], Result]]:
         """Yield every run, case by case, as it is read: what is known of it, and its result.
