@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from upright.commands.options import add, split, task_of
 from upright.commands.parser import Parser
-from upright.commands.showing import put, telling_of_compilation, telling_what_is_kept
+from upright.commands.showing import put, tell_file, telling_of_compilation, telling_what_is_kept
 from upright.core.conditions import STRICT_RUNS
 
 if TYPE_CHECKING:
@@ -60,5 +60,5 @@ def show_board(options: argparse.Namespace, board: "Board") -> int:
         rows = make_board(board, plan)
     put(board.text(rows, plan), None)
     if options.output:
-        print(f"board: {options.output}", file=sys.stderr)
+        tell_file("board", options.output, sys.stderr)
     return 0

@@ -11,8 +11,9 @@ import sys
 from typing import TYPE_CHECKING
 
 from upright.commands.options import CUSTOM_AGENTS
-from upright.commands.parser import Parser
+from upright.commands.parser import READ, WRITTEN, Parser
 from upright.support.exit_status import AGENT_FAILED, FAILED
+from upright.support.terminal import visible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,9 +39,14 @@ INDENT = " " * 4
 def add_options(parser: Parser) -> None:
     """Add the options of `upright check`."""
     parser.add_argument(
-        "agent", metavar="AGENT", help="the file of an agent, or module:name where it has several"
+        "agent",
+        metavar="AGENT",
+        file=READ,
+        help="the file of an agent, or module:name where it has several",
     )
-    parser.add_argument("--json", metavar="FILE", help="write all that was found to this file")
+    parser.add_argument(
+        "--json", metavar="FILE", file=WRITTEN, help="write all that was found to this file"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -48,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
     import json
 
     from rich.console import Console
+    from rich.text import Text
 
     from upright.reports.agent_check import Finding, Report, check_agent
     from upright.studies.trace import unseen
@@ -58,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     agent = agent_named(options.agent)
     console, findings = Console(stderr=True), list[Finding]()
     status = console.status("")
-    checks = check_agent(agent, lambda text: status.update(f"{agent}: {text}"))
+    checks = check_agent(agent, lambda text: status.update(Text(visible(f"{agent}: {text}"))))
     while True:
         with status, unseen():
             finding = next(checks, None)
@@ -75,10 +82,10 @@ def run(options: argparse.Namespace) -> int:
 
 def show(finding: "Finding") -> None:
     """Print what a check found, and what to do about it."""
-    line, _, more = finding.text.partition("\n")
+    line, _, more = visible(finding.text, "\n").partition("\n")
     print(f"{SIGNS[finding.outcome]} {finding.check}: {line}")
     if finding.advice:
-        print(f"{INDENT}{finding.advice}")
+        print(f"{INDENT}{visible(finding.advice)}")
     for below in more.splitlines():
         print(f"{INDENT}{below}")
     sys.stdout.flush()

@@ -2,6 +2,7 @@
 
 import argparse
 
+from upright.commands.options import add
 from upright.commands.parser import Parser
 from upright.commands.showing import put
 from upright.reports.citation import FORMATS
@@ -23,7 +24,7 @@ def add_options(parser: Parser) -> None:
         metavar="NAME",
         help="format: %(choices)s (default: %(default)s)",
     )
-    parser.add_argument("--output", metavar="FILE", help="write to this file, not to the screen")
+    add(parser, "--output", help="write to this file, not to the screen")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,7 +8,8 @@ documents names, types and the JSON format.
 import argparse
 
 from upright.commands.options import LIKELIER, add
-from upright.commands.parser import Parser
+from upright.commands.parser import WRITTEN, Parser
+from upright.commands.showing import tell_file
 
 EXAMPLES = """\
 examples:
@@ -25,7 +26,10 @@ def add_options(parser: Parser) -> None:
     """Add the options of `upright export`."""
     add(parser, "policy")
     parser.add_argument(
-        "output", metavar="OUTPUT", help="the file to write; it ends in .h, .onnx or .json"
+        "output",
+        metavar="OUTPUT",
+        file=WRITTEN,
+        help="the file to write; it ends in .h, .onnx or .json",
     )
     add(
         parser,
@@ -42,5 +46,5 @@ def run(options: argparse.Namespace) -> int:
     check_export(options.output)
     policy = load_policy(options.policy, options.agent)
     export_policy(options.output, policy, greedy=options.greedy)
-    print(f"exported: {options.output}")
+    tell_file("exported", options.output)
     return 0

@@ -33,10 +33,11 @@ from upright.commands.options import (
     task_of,
     whole,
 )
-from upright.commands.parser import Parser
-from upright.commands.showing import tell_what_was_found, telling_of_compilation
+from upright.commands.parser import READ, WRITTEN, Parser
+from upright.commands.showing import tell_file, tell_what_was_found, telling_of_compilation
 from upright.errors import UprightError
 from upright.support.exit_status import FAILED
+from upright.support.terminal import visible
 
 if TYPE_CHECKING:
     from upright.policies.policy import Policy
@@ -72,6 +73,7 @@ def add_options(parser: Parser) -> None:
         "--from",
         dest="start_policy",
         metavar="POLICY",
+        file=READ,
         help="go on from this policy, saved by learn --save as .npz; AGENT may be left out, unless "
         "it is a custom one, whose code is executed",
     )
@@ -88,9 +90,14 @@ def add_options(parser: Parser) -> None:
     )
     add(parser, "--window", "--size")
     add(parser, "--video", help="write a video of the run, shortened, to this file, .mp4 or .gif")
-    parser.add_argument("--plot", metavar="FILE", help="save the learning curve as a picture")
     parser.add_argument(
-        "--save", metavar="FILE", help="save the policy; the name ends in .npz or .json"
+        "--plot", metavar="FILE", file=WRITTEN, help="save the learning curve as a picture"
+    )
+    parser.add_argument(
+        "--save",
+        metavar="FILE",
+        file=WRITTEN,
+        help="save the policy; the name ends in .npz or .json",
     )
     parser.add_argument(
         "--quiet", action="store_true", help="print only the outcome, not every trial"
@@ -135,7 +142,7 @@ def _learn(options: argparse.Namespace) -> int:
     if not options.quiet:
         tell_what_was_found(case)
         if start:
-            print(describe_going_on(start), flush=True)
+            print(visible(describe_going_on(start), "\n"), flush=True)
     memory, result = watch_run(
         case,
         options.seed,
@@ -149,17 +156,17 @@ def _learn(options: argparse.Namespace) -> int:
     )
     learned = learned_policy(case, options.seed, options.run, memory, result, start)
     if start:
-        print(describe_total(learned))
+        print(visible(describe_total(learned), "\n"))
     if options.plot:
         title, task = f"{case_name(case)}, {noise_name(case.spec.noise)}", task_name(case.spec)
         made = f"seed {options.seed}, run {options.run}"
         subtitle = f"{task}; {made}" if task else made
         figure = plot_curve(result.lengths, case.spec.steps, title, subtitle, case.agent)
         save(figure, options.plot)
-        print(f"learning curve: {options.plot}")
+        tell_file("learning curve", options.plot)
     if options.save:
         save_policy(options.save, learned)
-        print(f"policy: {options.save}")
+        tell_file("policy", options.save)
     return 0 if result.success else FAILED
 
 

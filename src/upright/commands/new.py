@@ -35,9 +35,10 @@ def run(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from upright.agents.starters import starter
-    from upright.support.files import create_file
+    from upright.support.files import check_name, create_file
 
     path = Path(options.file)
+    check_name("file", path)
     check_module_name(path)
     agent, text = starter(path.stem, compiled=options.compiled)
     create_file(path, text)

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.agents import AGENTS
-from upright.commands.parser import Parser, as_whole
+from upright.commands.parser import MODEL, READ, WRITTEN, Parser, as_whole
+from upright.commands.showing import tell_file
 from upright.core.conditions import (
     CONDITIONS,
     NOISES,
@@ -129,6 +130,7 @@ SHARED: dict[str, dict[str, Any]] = {
         "default": [],
         "metavar": "FILE",
         "dest": "settings_files",
+        "file": READ,
         "help": "take the agent's settings from this file, which tune --output wrote, instead of "
         "--settings",
     },
@@ -143,6 +145,7 @@ SHARED: dict[str, dict[str, Any]] = {
         "default": [],
         "metavar": "NAME=VALUE",
         "dest": "plant_changes",
+        "file": MODEL,
         "help": "change one of the plant's settings (see upright plants); may be repeated; with "
         "--plant mujoco, model=FILE is a URDF or MJCF of your own",
     },
@@ -150,6 +153,7 @@ SHARED: dict[str, dict[str, Any]] = {
     "--runs": whole(RUNS, "independent runs of each case"),
     "--store": {
         "metavar": "FILE",
+        "file": WRITTEN,
         "help": "keep every finished run in this file, and reuse the runs it already holds",
     },
     "--format": _one_of(FORMATS, "text", "format of the table"),
@@ -161,16 +165,23 @@ SHARED: dict[str, dict[str, Any]] = {
     },
     "--task": {
         "metavar": "FILE",
+        "file": READ,
         "help": "take the task and the plant from this TOML file; other options override what it "
         "says",
     },
     "--save-task": {
         "metavar": "FILE",
+        "file": WRITTEN,
         "help": "write the task and the plant to this file, which ends in .toml, for --task",
     },
-    "--output": {"metavar": "FILE", "help": "write the table to this file, not to the screen"},
+    "--output": {
+        "metavar": "FILE",
+        "file": WRITTEN,
+        "help": "write the table to this file, not to the screen",
+    },
     "policy": {
         "metavar": "POLICY",
+        "file": READ,
         "help": "a policy saved by learn --save, or exported as JSON",
     },
     "--greedy": {"action": "store_true", "help": f"make {LIKELIER}"},
@@ -205,7 +216,11 @@ PICTURES: dict[str, dict[str, Any]] = {
         "help": "show the trials in a window, at first in real time; its keys: + faster, - slower, "
         "space pause, right arrow or n one step while paused, q or Esc close",
     },
-    "--video": {"metavar": "FILE", "help": "write a video to this file, .mp4 or .gif"},
+    "--video": {
+        "metavar": "FILE",
+        "file": WRITTEN,
+        "help": "write a video to this file, .mp4 or .gif",
+    },
     "--size": {
         "metavar": "SIZE",
         "help": "size of the window and the video in pixels: WIDTHxHEIGHT, or a width, such as "
@@ -292,7 +307,7 @@ def save_task_of(options: argparse.Namespace, cases: "Sequence[Case]") -> None:
         why = f"a file holds one task, and these options ask for {len(tasks)}"
         raise UprightError(f"--save-task is {options.save_task!r}; {why}")
     save_task(options.save_task, cases[0])
-    print(f"task: {options.save_task}", file=sys.stderr)
+    tell_file("task", options.save_task, sys.stderr)
 
 
 def task_of(options: argparse.Namespace) -> dict[str, Any]:

@@ -7,17 +7,35 @@ from typing import Any, NoReturn
 
 from upright.errors import UprightError, did_you_mean, require_one_of
 from upright.support.exit_status import BAD_USE
+from upright.support.files import Named, check_name, require_apart
 from upright.support.numbers import whole_number
 from upright.support.registry import Registry
+from upright.support.terminal import visible
+
+READ, WRITTEN, MODEL = "read", "written", "model"
+"""What may be done with the file that an argument names; the last is for NAME=VALUE, where a file
+is read if the name is `model`."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors take one line and name what is allowed."""
+    """A parser whose errors take one line and name what is allowed.
+
+    It knows what is done with each file that an argument names, and refuses to write one that the
+    same command reads, or writes otherwise.
+    """
 
     def __init__(self, **options: Any) -> None:
         options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
         options.setdefault("allow_abbrev", False)  # else a mistyped option is taken for another
+        self.files: list[tuple[argparse.Action, str]] = []
         super().__init__(**options)
+
+    def add_argument(self, *names: str, file: str | None = None, **form: Any) -> argparse.Action:
+        """Add an argument; `file` is one of READ, WRITTEN and MODEL, if it names a file."""
+        action = super().add_argument(*names, **form)
+        if file is not None:
+            self.files.append((action, file))
+        return action
 
     def add_commands(
         self,
@@ -62,20 +80,46 @@ class Parser(argparse.ArgumentParser):
 
         A command may set the default `check`, a function that refuses options which do not go
         together; it is called with all of them.
+
+        Raises
+        ------
+        UprightError
+            If a file's name is not possible, or a file that is written is another of these.
         """
         options, unknown = self.parse_known_args(arguments)
+        parser: Parser = vars(options).get("parser", self)
         if unknown:
-            parser: Parser = options.parser
             flag = unknown[0].partition("=")[0]
             hint = did_you_mean(flag, parser._option_string_actions) if flag[0:1] == "-" else ""
             parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         if "check" in options:
             options.check(options)
+        parser.check_files(options)
         return options
+
+    def check_files(self, options: argparse.Namespace) -> None:
+        """Check the files that the options name, before anything is read or written.
+
+        Raises
+        ------
+        UprightError
+            If a file's name is not possible, or a file is written and also another of these.
+        """
+        written, read = list[Named](), list[Named]()
+        for action, use in self.files:
+            name = action.option_strings[-1] if action.option_strings else str(action.metavar)
+            given = getattr(options, action.dest, None)
+            for text in given if isinstance(given, list) else [given]:
+                if text is None or (use == MODEL and not text.startswith("model=")):
+                    continue
+                path = text.partition("=")[2] if use == MODEL else text
+                check_name(name, path)
+                (written if use == WRITTEN else read).append((name, path))
+        require_apart(written, read)
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and end."""
-        self.exit(BAD_USE, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+        self.exit(BAD_USE, f"{self.prog}: error: {visible(message)} (see {self.prog} --help)\n")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print a help or an error; unlike argparse, do not ignore that it cannot be written."""

@@ -13,6 +13,7 @@ from upright.core.parameters import Parameters
 from upright.errors import UprightError
 from upright.plants import PLANTS
 from upright.plants.settings import PlantSettings
+from upright.support.terminal import visible
 
 EXAMPLES = """\
 examples:
@@ -56,4 +57,4 @@ def run(options: argparse.Namespace) -> int:
 def _print_found(settings: PlantSettings) -> None:
     """Print what was found in a model of the user's own, if there is one."""
     for what, text in getattr(settings, "found", dict)().items():
-        print(f"  found {what}: {text}")
+        print(f"  found {visible(f'{what}: {text}')}")

@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from upright.commands.options import add
-from upright.commands.parser import Parser
+from upright.commands.parser import READ, Parser
+from upright.commands.showing import tell_file
 from upright.errors import UprightError
 from upright.reports.sweeps import UNITS
 
@@ -37,7 +38,12 @@ def add_options(parser: Parser) -> None:
         "trials (distributions of its trials), sweep (its trials and successes over a parameter "
         "of the plant), policy (map of a policy's pushes) or phases (its phase portraits)",
     )
-    parser.add_argument("source", metavar="FILE", help="a store, or a policy saved by learn --save")
+    parser.add_argument(
+        "source",
+        metavar="FILE",
+        file=READ,
+        help="a store, or a policy saved by learn --save",
+    )
     add(
         parser,
         "--output",
@@ -61,7 +67,9 @@ def run(options: argparse.Namespace) -> int:
 
     if options.parameter is not None and options.kind != "sweep":
         raise UprightError(f"parameter is {options.parameter!r}; it is for upright plot sweep")
-    output = plots.check_picture(options.output or f"{options.kind}.png")
+    options.output = options.output or f"{options.kind}.png"
+    options.parser.check_files(options)
+    output = plots.check_picture(options.output)
     if options.kind == "policy":
         figure = plots.plot_policies([load_policy(options.source, options.agent)])
     elif options.kind == "phases":
@@ -74,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         curves = options.kind == "curves"
         figure = plots.plot_curves(without or learned) if curves else plots.plot_trials(learned)
     plots.save(figure, output)
-    print(f"picture: {output}")
+    tell_file("picture", output)
     return 0
 
 

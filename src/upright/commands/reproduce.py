@@ -8,7 +8,7 @@ import argparse
 from upright.agents import AGENTS
 from upright.commands.options import add, add_task_options
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_of_compilation, telling_what_is_kept
+from upright.commands.showing import tell_file, telling_of_compilation, telling_what_is_kept
 
 EXAMPLES = """\
 examples:
@@ -37,5 +37,5 @@ def run(options: argparse.Namespace) -> int:
         from upright.reports.reproduction import reproduce
 
         report = reproduce(options.output, options.runs, options.seed, options.steps)
-    print(f"report: {report}")
+    tell_file("report", report)
     return 0

@@ -1,6 +1,7 @@
 """Show the table of a store of runs, or its runs or trials as data, or what a saved policy is."""
 
 import argparse
+import io
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -8,7 +9,7 @@ from contextlib import contextmanager
 from typing import TextIO
 
 from upright.commands.options import add
-from upright.commands.parser import Parser
+from upright.commands.parser import READ, Parser
 from upright.commands.showing import put, put_table
 from upright.errors import UprightError, require_one_of
 from upright.reports import data_files, tables
@@ -41,6 +42,7 @@ def add_options(parser: Parser) -> None:
     parser.add_argument(
         "source",
         metavar="FILE",
+        file=READ,
         help="a store, or a policy saved by learn --save; no code in it is executed",
     )
     parser.add_argument(
@@ -120,11 +122,13 @@ def _require_runs(path: str, found: bool) -> None:
 
 @contextmanager
 def _opened(output: str | None) -> Iterator[TextIO]:
-    """Yield the file of this name, which replaces the present one in the end, or the screen."""
-    from upright.support.files import replacing
+    """Yield the file of this name, or the screen."""
+    from upright.support.files import writing
 
     if output is None:
         yield sys.stdout
     else:
-        with replacing(output) as path, path.open("w", encoding="utf-8", newline="") as file:
-            yield file
+        with writing(output) as file:
+            text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+            yield text
+            text.detach()

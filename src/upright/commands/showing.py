@@ -4,7 +4,8 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
 from upright.agents import AGENTS
 from upright.support import terminal
@@ -44,6 +45,11 @@ def put_table(rows: "Sequence[Row]", options: argparse.Namespace) -> None:
     put(render(rows, options.format, width=width, sources=options.sources), options.output)
 
 
+def tell_file(what: str, path: Path | str, stream: TextIO | None = None) -> None:
+    """Say where something was written, on standard output or another stream."""
+    print(f"{what}: {terminal.visible(str(path))}", file=stream)
+
+
 @contextmanager
 def telling_of_compilation(agents: Iterable[str], work: str = "learn") -> Iterator[None]:
     """Say that agents are compiled now, if they have not been before.
@@ -78,7 +84,7 @@ def tell_what_was_found(case: "Case") -> None:
     if not (found := getattr(case.plant, "found", None)):
         return
     if told := "; ".join(f"{what}: {text}" for what, text in found(case.spec.parameters).items()):
-        print(f"upright: found in the model: {told}", file=sys.stderr)
+        print(f"upright: found in the model: {terminal.visible(told)}", file=sys.stderr)
 
 
 @contextmanager
@@ -89,5 +95,5 @@ def telling_what_is_kept(place: str | None, what: str = "finished runs") -> Iter
     except KeyboardInterrupt:
         kept = f"{what} are kept in {place}; the same command goes on from there"
         lost = "nothing was kept; with --store FILE finished runs would be"
-        print(f"upright: {kept if place else lost}", file=sys.stderr)
+        print(f"upright: {terminal.visible(kept if place else lost)}", file=sys.stderr)
         raise

@@ -27,7 +27,8 @@ from upright.commands.options import (
     whole,
 )
 from upright.commands.parser import Parser
-from upright.commands.showing import telling_of_compilation, telling_what_is_kept
+from upright.commands.showing import tell_file, telling_of_compilation, telling_what_is_kept
+from upright.support.terminal import visible
 
 EXAMPLES = f"""\
 examples:
@@ -108,12 +109,14 @@ def _tune(options: argparse.Namespace) -> int:
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)
     save_task_of(options, cases)
-    store = options.store or place_for(options.agent)
-    with telling_what_is_kept(store, "finished candidates"):
-        found = search_with_progress(wanted, options.candidates, store)
+    options.store = options.store or place_for(options.agent)
+    options.parser.check_files(options)
+    with telling_what_is_kept(options.store, "finished candidates"):
+        found = search_with_progress(wanted, options.candidates, options.store)
         compared = validate(wanted, found.settings, options.validation_runs, study_with_progress)
-    print(describe(wanted, found, compared, options.settings))
+    print(visible(describe(wanted, found, compared, options.settings), "\n"))
     if options.output:
         write_file(options.output, result_text(wanted, found, compared))
-        print(f"\nsettings: {options.output}")
+        print()
+        tell_file("settings", options.output)
     return 0

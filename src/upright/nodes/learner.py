@@ -25,6 +25,8 @@ from upright.studies.playing import case_for, play_run
 from upright.studies.run import make_run
 from upright.studies.watching import print_trial, watch
 from upright.support.exit_status import FAILED, exit_status
+from upright.support.files import require_apart
+from upright.support.terminal import visible
 from upright.support.words import count
 
 
@@ -39,6 +41,8 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     KeyboardInterrupt
         If interrupted; the cart is stopped.
     """
+    read = [("policy", settings.policy), ("from_policy", settings.from_policy)]
+    require_apart([("save", settings.save)], read)
     policy = load_policy(settings.policy) if settings.policy else None
     start = _load_start(settings)
     waiting = Ros2(settings.watchdog, settings.patience)
@@ -49,7 +53,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
         case = case_for(policy, **task)
     elif start:
         case = case_from(start, **task)
-        print(describe_going_on(start), flush=True)
+        print(visible(describe_going_on(start), "\n"), flush=True)
     else:
         case = make_case(settings.agent or "reinforce", settings.settings, **task)
     if settings.save:
@@ -73,7 +77,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     if not policy:
         learned = learned_policy(case, settings.seed, 0, memory, result, start)
         if start:
-            print(describe_total(learned))
+            print(visible(describe_total(learned), "\n"))
         if settings.save:
             save_policy(settings.save, learned)
     return result.success

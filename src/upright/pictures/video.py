@@ -1,10 +1,11 @@
 """Writes videos with FFmpeg."""
 
+import shutil
 import subprocess
 from collections.abc import Iterable
 from itertools import combinations
 from pathlib import Path
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -12,11 +13,11 @@ from upright.errors import UprightError, missing, require_one_of
 from upright.pictures import colours
 from upright.pictures.canvas import load_pygame
 from upright.pictures.size import SIZE, Size
-from upright.support.files import check_output, replacing
+from upright.support.files import check_output, scratch, writing
 
 FORMATS = {
-    ".mp4": "-c:v libx264 -crf 18 -preset veryfast -pix_fmt yuv420p -movflags +faststart",
-    ".gif": "-lavfi paletteuse=dither=none:diff_mode=rectangle -loop 0",
+    ".mp4": "-c:v libx264 -crf 18 -preset veryfast -pix_fmt yuv420p -movflags +faststart -f mp4",
+    ".gif": "-lavfi paletteuse=dither=none:diff_mode=rectangle -loop 0 -f gif",
 }
 """Endings of video files, and FFmpeg's options for each."""
 
@@ -73,14 +74,19 @@ def write_video(
     """
     path = check_video(path)
     source = f"-f rawvideo -pix_fmt rgb24 -s {size} -r {frames_per_second} -i -"
-    with replacing(path) as part, TemporaryFile() as errors, TemporaryDirectory() as folder:
+    # FFmpeg needs a file in which it can go back, which not every output is.
+    with (
+        scratch() as (made, place),
+        scratch() as (palette, colour_table),
+        TemporaryFile() as errors,
+    ):
         command = [_ffmpeg(), "-v", "error", "-y", *source.split()]
         if path.suffix == ".gif":
-            palette = Path(folder, "palette")
-            palette.write_bytes(_palette())
+            palette.write(_palette())
+            palette.flush()
             source = "-f rawvideo -pix_fmt rgb24 -s 16x16 -i"
-            command += [*source.split(), str(palette)]
-        command += [*FORMATS[path.suffix].split(), str(part)]
+            command += [*source.split(), colour_table]
+        command += [*FORMATS[path.suffix].split(), place]
         # FFmpeg gets a session of its own so that Ctrl-C reaches only this program, which kills it.
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stderr=errors, start_new_session=True
@@ -97,6 +103,8 @@ def write_video(
             first = errors.readline().decode(errors="replace").strip()
             why = first if count else "there are no pictures"
             raise UprightError(f"output is {str(path)!r}; it cannot be written: {why}")
+        with writing(path) as file:
+            shutil.copyfileobj(made, file)
 
 
 def _send(frames: Iterable[np.ndarray], writer: "subprocess.Popen[bytes]", size: Size) -> int:

@@ -6,6 +6,7 @@ import json
 from typing import TYPE_CHECKING, TextIO
 
 from upright.errors import require_module
+from upright.reports.escaping import csv_cell
 from upright.studies.columns import COLUMNS
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ FORMATS = ("csv", "json", "parquet")
 
 def write_csv(store: "Store", each: str, file: TextIO) -> None:
     """Write a line for each run, or for each trial, as it is read; the first line has the names.
+
+    Text that a spreadsheet would take for a formula begins with an apostrophe (see docs/data.md).
 
     Parameters
     ----------
@@ -36,7 +39,7 @@ def write_csv(store: "Store", each: str, file: TextIO) -> None:
 
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS[each])
-    writer.writerows(rows(store.runs(), each))
+    writer.writerows(map(csv_cell, row) for row in rows(store.runs(), each))
 
 
 def write_json(store: "Store", each: str, file: TextIO) -> None:

@@ -15,6 +15,7 @@ from upright.agents import AGENTS
 from upright.core.conditions import PUBLISHED_NOISES, STEPS, STRICT_RUNS, STRICT_STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.errors import UprightError
+from upright.reports.escaping import Markdown, markdown, markdown_code
 from upright.reports.published import SOURCES, Source
 from upright.reports.statistics import Row, summarise_all
 from upright.reports.tables import Table, number, to_json, to_markdown
@@ -22,8 +23,9 @@ from upright.studies.case import Case, make_case
 from upright.studies.progress import study_with_progress
 from upright.studies.store import Store
 from upright.studies.study import check_study
-from upright.support.files import check_output, write_file
+from upright.support.files import check_output, require_apart, write_file
 from upright.support.settings import as_options
+from upright.support.terminal import visible
 from upright.support.words import count
 
 STARTS_SHOWN = {
@@ -121,6 +123,9 @@ def make_board(board: Board, plan: BoardPlan) -> Columns:
             why = "it must not end in .json, as the figures are written there"
             raise UprightError(f"output is {str(plan.output)!r}; {why}")
         check_output(figures)
+        require_apart(
+            [("output", plan.output), ("figures beside the output", figures), ("store", plan.store)]
+        )
     rows = make_rows(plan, board.columns)
     if plan.output is not None:
         write_file(figures, to_json([row for column in rows.values() for row in column]))
@@ -165,13 +170,13 @@ def _published(columns: Columns) -> list[tuple[Source, list[float | None]]]:
 def board(columns: Columns, published: bool = False) -> str:
     """Return a board in Markdown, with the best agents first."""
     body = [
-        [f"`{agent}`", number(mean_rank), *(_cell(row, rank) for row, rank in cells)]
+        [markdown_code(agent), number(mean_rank), *(_cell(row, rank) for row, rank in cells)]
         for agent, mean_rank, cells in _in_order(columns)
     ]
     for source, figures in _published(columns) if published else ():
         rule = f" ({source.agent})" if source.agent else ""
         name = f"*{source.name}{rule}, {count(source.runs, 'run')}, N = {source.steps:,}*"
-        body.append([name, "", *(number(figure, 2) for figure in figures)])
+        body.append([Markdown(name), "", *(number(figure, 2) for figure in figures)])
     return to_markdown(Table(["Agent", "Mean rank", *columns], body, []))
 
 
@@ -182,14 +187,16 @@ def _cell(row: Row, rank: int) -> str:
     low, high = row.ci95
     mean = f"{rank}. {row.mean_trials:.2f} [{low:.2f}, {high:.2f}]"
     mean = f"**{mean}**" if rank == 1 else mean
-    return mean if row.successes == row.runs else f"{mean} {100 * row.success_rate:.0f} %"
+    rate = "" if row.successes == row.runs else f" {100 * row.success_rate:.0f} %"
+    return Markdown(mean + rate)
 
 
 def board_text(columns: Columns, published: bool = False) -> str:
     """Return a board as text for the terminal: means without intervals, the best with a star."""
     lines = [["", *half] for half in zip(*map(_halves, ["mean rank", *columns]), strict=True)]
     for agent, mean_rank, cells in _in_order(columns):
-        lines.append([agent, number(mean_rank), *(_short_cell(row, rank) for row, rank in cells)])
+        shown = visible(agent)
+        lines.append([shown, number(mean_rank), *(_short_cell(row, rank) for row, rank in cells)])
     sources = _published(columns) if published else []
     names = _told_apart([source.name for source, _ in sources])
     for name, (_, figures) in zip(names, sources, strict=True):
@@ -353,8 +360,10 @@ def _origin(plan: BoardPlan, command: str, version: str) -> str:
     arguments.append(f"--seed {plan.seed}")
     files = {"output": plan.output, "store": plan.store}
     arguments += [f"--{name} {shlex.quote(str(path))}" for name, path in files.items() if path]
-    line = " ".join(["upright", command, *arguments])
-    origin = f"{count(plan.runs, 'run')} per case; generated with\n`{line}`, upright {version}."
+    line = markdown_code(" ".join(["upright", command, *arguments]))
+    origin = (
+        f"{count(plan.runs, 'run')} per case; generated with\n{line}, upright {markdown(version)}."
+    )
     if not plan.parameters:
         return origin
     values = ", ".join(f"{name} {value}" for name, value in plan.parameters.items())
@@ -371,10 +380,14 @@ def _failures(rows: Columns) -> str:
             if row.success_rate < 0.95:
                 failures[row.agent].append(f"{title} ({100 * row.success_rate:.0f} %)")
     return "\n".join(
-        f"- `{agent}`: {', '.join(titles) or 'none'}" for agent, titles in failures.items()
+        f"- {markdown_code(agent)}: {', '.join(titles) or 'none'}"
+        for agent, titles in failures.items()
     )
 
 
 def _settings(plan: BoardPlan) -> str:
-    lines = [f"- `{agent}`: `{make_case(agent).settings}`" for agent in plan.agents]
+    lines = [
+        f"- {markdown_code(agent)}: {markdown_code(str(make_case(agent).settings))}"
+        for agent in plan.agents
+    ]
     return "## Settings\n\n" + "\n".join(lines) + "\n"

@@ -3,8 +3,9 @@
 import io
 from collections.abc import Iterable, Sequence
 from functools import partial
-from html import escape
 from typing import TYPE_CHECKING
+
+from upright.reports.escaping import html_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,11 +34,11 @@ def html_table(
     def line(tag: str, cells: Sequence[str]) -> str:
         drawn = zip(cells, sides, strict=True)
         return "".join(
-            f'<{tag} style="text-align: {side}">{escape(cell)}</{tag}>' for cell, side in drawn
+            f'<{tag} style="text-align: {side}">{html_text(cell)}</{tag}>' for cell, side in drawn
         )
 
     rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
-    below = "".join(f"<div><small>{escape(note)}</small></div>" for note in notes)
+    below = "".join(f"<div><small>{html_text(note)}</small></div>" for note in notes)
     return f"<table><thead><tr>{line('th', head)}</tr></thead><tbody>{rows}</tbody></table>{below}"
 
 

@@ -13,6 +13,7 @@ from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.policies.files import save_policy
 from upright.policies.policy import Policy
+from upright.reports.escaping import Markdown
 from upright.reports.published import REPORT
 from upright.reports.statistics import Row, summarise
 from upright.reports.tables import (
@@ -30,7 +31,7 @@ from upright.studies.progress import study_with_progress
 from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.studies.study import check_study
-from upright.support.files import write_file
+from upright.support.files import require_apart, write_file
 from upright.support.terminal import end_notice
 from upright.support.words import count
 
@@ -42,6 +43,10 @@ SHOWN = (
     ("random-search", "default"),
 )
 """Agents and settings that the tables show."""
+LEARNERS = tuple(agent for agent, label in SHOWN if label == "default" and agent != "random-search")
+"""Agents whose policies are drawn and saved."""
+PICTURES = ("learning-curves.png", "trials.png", "policies.png", "phases.png")
+"""Pictures of the report."""
 
 
 def reproduce(
@@ -88,37 +93,41 @@ def reproduce(
     except OSError as error:
         why = f"the folder cannot be created: {error.strerror}"
         raise UprightError(f"output is {str(folder)!r}; {why}") from None
+    store_file, table, page = (folder / name for name in ("runs.sqlite", "table.json", "report.md"))
+    others = (folder / name for name in (*PICTURES, *(f"{agent}.npz" for agent in LEARNERS)))
+    require_apart([("output", path) for path in (table, page, *others)], [("store", store_file)])
     end_notice()
     say(
         f"{len(SHOWN)} agents and settings × {len(PUBLISHED_NOISES)} noise cases × "
         f"{count(runs, 'run')}, seed {seed}"
     )
-    with Store(folder / "runs.sqlite") as store:
+    with Store(store_file) as store:
         study_with_progress(cases, runs, seed, store)
         learned = [(case, store.results(case.key, seed, runs)) for case in cases]
     say("drawing")
     draw(folder, learned, seed)
     rows = [summarise(case, seed, results) for case, results in learned]
-    write_file(folder / "table.json", to_json(rows))
-    write_file(folder / "report.md", report(rows))
-    return folder / "report.md"
+    write_file(table, to_json(rows))
+    write_file(page, report(rows))
+    return page
 
 
 def draw(folder: Path, learned: list[tuple[Case, list[Result]]], seed: int) -> None:
     """Draw the report's pictures into the folder."""
     from upright.reports import plots
 
+    curves, trials, maps, phases = (folder / name for name in PICTURES)
     tuned = [(case, results) for case, results in learned if case.label == "default"]
     noise_free = [(case, results) for case, results in tuned if case.spec.noise == "none"]
-    plots.save(plots.plot_curves(noise_free), folder / "learning-curves.png")
-    plots.save(plots.plot_trials(learned), folder / "trials.png")
+    plots.save(plots.plot_curves(noise_free), curves)
+    plots.save(plots.plot_trials(learned), trials)
     policies = []
     for case, results in noise_free:
-        if case.agent != "random-search":
+        if case.agent in LEARNERS:
             policies.append(_learn_policy(case, results, seed))
             save_policy(folder / f"{case.agent}.npz", policies[-1])
-    plots.save(plots.plot_policies(policies), folder / "policies.png")
-    plots.save(plots.plot_phases(policies[0]), folder / "phases.png")
+    plots.save(plots.plot_policies(policies), maps)
+    plots.save(plots.plot_phases(policies[0]), phases)
 
 
 def _learn_policy(case: Case, results: list[Result], seed: int) -> Policy:
@@ -141,7 +150,7 @@ def comparison(rows: list[Row], agent: str, title: str) -> str:
         guess = by_case["random-search", "default", noise]
         line = [noise, *([number(figure, 2)] if any(figures) else [])]
         line += [success_text(published), mean_text(published)]
-        line += [success_text(default), f"**{mean_text(default)}**", mean_text(guess)]
+        line += [success_text(default), Markdown(f"**{mean_text(default)}**"), mean_text(guess)]
         body.append(line)
     return f"## {title}\n\n" + to_markdown(Table(head, body, []))
 

@@ -4,13 +4,14 @@ import csv
 import io
 import json
 import textwrap
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from upright.core.conditions import TRIALS
 from upright.core.parameters import changed_parameters
 from upright.errors import require_all, require_one_of
+from upright.reports.escaping import csv_cell, latex, markdown
 from upright.reports.sweeps import heading, sizes, swept
 from upright.support import terminal
 from upright.support.words import count
@@ -196,7 +197,7 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
     """
     width = width or terminal.width()
     said = _said_once(rows)
-    labels = [label for label in _labels(rows) if label.head not in said]
+    labels = _seen(label for label in _labels(rows) if label.head not in said)
     figures, published = _figures(rows), _published(rows, _sources(rows))
     tables, left_out = [], []
     if sources:
@@ -221,7 +222,10 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
         notes.append(f"Not shown: {', '.join(left_out)}; {ALL} shows everything.")
     elif heads:
         notes.append(f"Published mean trials: {', '.join(heads)}; {ALL} cites them.")
-    notes = [textwrap.fill(note, width, subsequent_indent="  ", **UNBROKEN) for note in notes]
+    notes = [
+        textwrap.fill(terminal.visible(note), width, subsequent_indent="  ", **UNBROKEN)
+        for note in notes
+    ]
     return "\n".join([*("\n".join([*table, ""]) for table in tables), *notes]) + "\n"
 
 
@@ -287,6 +291,11 @@ def _aligned(labels: Sequence[Column], figures: Sequence[Column]) -> list[str]:
     return [lines[0], "─" * _width(columns), *lines[1:]]
 
 
+def _seen(columns: Iterable[Column]) -> list[Column]:
+    """Return columns in which every character can be seen."""
+    return [column._replace(cells=list(map(terminal.visible, column.cells))) for column in columns]
+
+
 def _width(columns: Sequence[Column]) -> int:
     """Return the width of columns beside each other, two spaces apart."""
     widths = [max(map(_cells, [column.head, *column.cells])) for column in columns]
@@ -301,10 +310,13 @@ def _cells(text: str) -> int:
 
 
 def to_markdown(table: Table) -> str:
-    """Return a table in Markdown."""
-    lines = [table.head, ["---"] * len(table.head), *table.body]
-    written = ["| " + " | ".join(line) + " |" for line in lines]
-    notes = ["", *(f"- {note}" for note in table.notes)] if table.notes else []
+    """Return a table in Markdown; cells that are Markdown already stay as they are."""
+
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(markdown(cell).replace("|", r"\|") for cell in cells) + " |"
+
+    written = [line(table.head), line(["---"] * len(table.head)), *map(line, table.body)]
+    notes = ["", *(f"- {markdown(note)}" for note in table.notes)] if table.notes else []
     return "\n".join([*written, *notes]) + "\n"
 
 
@@ -312,20 +324,13 @@ def to_latex(table: Table) -> str:
     """Return a table in LaTeX, which needs the package booktabs."""
 
     def line(cells: Sequence[str]) -> str:
-        return " & ".join(_escape_latex(cell) for cell in cells) + r" \\"
+        return " & ".join(map(latex, cells)) + r" \\"
 
     columns = "l" * table.labels + "r" * (len(table.head) - table.labels)
     head = [r"\begin{tabular}{" + columns + "}", r"\toprule"]
     body = [line(table.head), r"\midrule", *map(line, table.body)]
-    notes = [f"% {note}" for note in table.notes]
+    notes = [f"% {terminal.visible(note)}" for note in table.notes]
     return "\n".join([*notes, *head, *body, r"\bottomrule", r"\end{tabular}"]) + "\n"
-
-
-def _escape_latex(cell: str) -> str:
-    for sign in "&%_#":
-        cell = cell.replace(sign, "\\" + sign)
-    # LaTeX would read a bracket at the beginning of a line as an option of the previous line.
-    return cell.replace("–", "--").replace("[", "{[}").replace("]", "{]}")
 
 
 def to_json(rows: Sequence["Row"]) -> str:
@@ -337,6 +342,7 @@ def to_csv(rows: Sequence["Row"]) -> str:
     """Return the rows as comma-separated values.
 
     There are columns for ends of intervals, for sources, and for each number that tasks differ in.
+    Text that a spreadsheet would take for a formula begins with an apostrophe (see docs/data.md).
     """
     names = swept(row.task for row in rows)
     lines = [_flatten(row) | {name: sizes(row.task)[name] for name in names} for row in rows]
@@ -344,7 +350,7 @@ def to_csv(rows: Sequence["Row"]) -> str:
     heads = list(dict.fromkeys(name for line in lines for name in line))
     writer = csv.DictWriter(output, heads, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(lines)
+    writer.writerows({name: csv_cell(value) for name, value in line.items()} for line in lines)
     return output.getvalue()
 
 

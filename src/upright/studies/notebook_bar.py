@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
 
+from upright.support.terminal import visible
+
 INTERVAL = 0.1
 """Shortest time between two updates, each of which is a message to the browser [s]."""
 
@@ -62,4 +64,4 @@ def _bar(done: int, total: int, text: str) -> str:
 
 
 def _small(text: str) -> str:
-    return f"<small>{escape(text)}</small>"
+    return f"<small>{escape(visible(text))}</small>"

@@ -16,7 +16,7 @@ from upright.studies.store import Store
 from upright.studies.study import study
 from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult, search
 from upright.support.machine_code import lacking
-from upright.support.terminal import end_notice
+from upright.support.terminal import end_notice, visible
 
 
 def study_with_progress(
@@ -46,7 +46,7 @@ def study_with_progress(
 def _terminal_bar(total: int, starting: str) -> Iterator[Callable[[str, str], None]]:
     """Show a bar in the terminal; yield what is called after each run, as `notebook_bar` does."""
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("runs"),
@@ -60,7 +60,7 @@ def _terminal_bar(total: int, starting: str) -> Iterator[Callable[[str, str], No
         task = bar.add_task(starting, total=total, rate="")
 
         def advance(name: str, speed: str) -> None:
-            bar.update(task, advance=1, description=name, rate=speed)
+            bar.update(task, advance=1, description=visible(name), rate=speed)
 
         yield advance
 

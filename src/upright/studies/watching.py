@@ -25,7 +25,7 @@ from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.stage import PERIOD, Stage
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
-from upright.support.terminal import end_notice, width
+from upright.support.terminal import end_notice, visible, width
 from upright.support.words import count
 
 SHORTEST, BAR = 10, 40
@@ -216,7 +216,7 @@ def _write_film(film: Film, path: str, case: Case, size: Size) -> None:
             bar.update(task, completed=done, total=total)
 
         film.write(path, case.name, size, on_picture=show)
-    print(f"video: {path}")
+    print(f"video: {visible(str(path))}")
 
 
 def print_trial(case: Case, number: int, length: int) -> None:

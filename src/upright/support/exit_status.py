@@ -9,13 +9,13 @@ from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from upright.errors import AgentWarning, CodeError, Stopped, UprightError
-from upright.support.terminal import end_notice, prepare_streams
+from upright.support.terminal import end_notice, prepare_streams, visible
 
 FAILED, BAD_USE, AGENT_FAILED, UNWRITTEN, INTERRUPTED = 1, 2, 3, 74, 130
 """Exit statuses besides 0: not balanced, not possible, the error of a custom agent
 or plant, output that cannot be written (EX_IOERR of sysexits.h), and Ctrl-C."""
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Errors of a disk or a device that takes no more."""
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""Errors of a disk or a device that takes no more, and of an output that was closed."""
 
 
 def exit_status(work: Callable[[], int]) -> int:
@@ -32,8 +32,9 @@ def exit_status(work: Callable[[], int]) -> int:
             end_notice()
             sys.stdout.flush()  # fails here, where it can be explained, not as Python ends
     except UprightError as error:
-        _explain(f"error: {error}")
-        return AGENT_FAILED if isinstance(error, CodeError) else BAD_USE
+        is_code = isinstance(error, CodeError)
+        _explain(f"error: {error}", keep="\n" if is_code else "")
+        return AGENT_FAILED if is_code else BAD_USE
     except (KeyboardInterrupt, Stopped):
         _explain("stopped")
         return INTERRUPTED
@@ -41,7 +42,7 @@ def exit_status(work: Callable[[], int]) -> int:
         _abandon(sys.stdout)
         return FAILED
     except OSError as error:
-        if error.errno not in FULL:
+        if error.errno not in UNWRITABLE:
             raise
         _abandon(sys.stdout)
         _explain(f"error: the output cannot be written: {error.strerror}")
@@ -57,7 +58,7 @@ def _plain_warnings() -> Iterator[None]:
 
         def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
             if issubclass(category, AgentWarning):
-                _explain(f"warning: {message}")
+                _explain(f"warning: {message}", keep="\n")
             else:
                 usual(message, category, *place)
 
@@ -65,10 +66,10 @@ def _plain_warnings() -> Iterator[None]:
         yield
 
 
-def _explain(text: str) -> None:
+def _explain(text: str, keep: str = "") -> None:
     """Print a line about the command on standard error, if that can be written."""
     try:
-        print(f"upright: {text}", file=sys.stderr, flush=True)
+        print(f"upright: {visible(text, keep)}", file=sys.stderr, flush=True)
     except OSError:
         _abandon(sys.stderr)
 

@@ -1,4 +1,4 @@
-"""The terminal: signs that it cannot show, how wide it is, and lines that go again."""
+"""The terminal: signs that it cannot show or must not, how wide it is, and lines that go again."""
 
 import codecs
 import os
@@ -68,12 +68,55 @@ def prepare_streams() -> None:
 
     Python writes UTF-8 although ``LC_ALL=C`` asks for ASCII, unless its own variables say what is
     to be written.
+
+    A stream that was closed before the program began is opened: errors go nowhere, and that nothing
+    else can be written is an error.
     """
+    _open_closed()
     plain = os.environ.get("LC_ALL") in ("C", "POSIX")
     plain &= not any(os.environ.get(name) for name in ("PYTHONIOENCODING", "PYTHONUTF8"))
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a program may have put something else there
             stream.reconfigure(encoding="ascii" if plain else None, errors=HANDLER)
+
+
+def _open_closed() -> None:
+    """Open the standard streams that are closed, before a file of other content gets their number.
+
+    What is opened in place of the output cannot be written to.
+    """
+    for number, flags in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, flags)  # it gets the lowest number that is free: this one
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def visible(text: str, keep: str = "") -> str:
+    r"""Return a text of which all characters are seen: others, such as escapes, become their codes.
+
+    Names come from anyone, and a terminal obeys some characters: it moves, hides or answers.
+
+    Parameters
+    ----------
+    text
+        The text.
+    keep
+        Characters that stay as they are, such as ends of lines.
+
+    Examples
+    --------
+    >>> print(visible("a\x1b[2Jb\n\u202e"))
+    a\x1b[2Jb\n\u202e
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        sign if sign.isprintable() or sign in keep else repr(sign)[1:-1] for sign in text
+    )
 
 
 def printable(text: str, stream: TextIO | None = None) -> str:

@@ -3,7 +3,8 @@
 import argparse
 
 from upright.commands.options import add, add_task_options, task_of
-from upright.commands.parser import Parser
+from upright.commands.parser import WRITTEN, Parser
+from upright.commands.showing import tell_file
 from upright.support.exit_status import FAILED
 
 EXAMPLES = """\
@@ -27,7 +28,10 @@ def add_options(parser: Parser) -> None:
     )
     add(parser, "--seed", "--agent")
     parser.add_argument(
-        "--screenshot", metavar="FILE", help="write a picture of the window to this file"
+        "--screenshot",
+        metavar="FILE",
+        file=WRITTEN,
+        help="write a picture of the window to this file",
     )
 
 
@@ -55,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
             play_run(policy, case, options.seed, plant, np.zeros(case.spec.trials, np.int64), stop)
 
         photograph(play_there, check_output(options.screenshot))
-        print(f"picture: {options.screenshot}")
+        tell_file("picture", options.screenshot)
         return 0
     played = watch_play(policy, case, 1, options.seed)
     return 0 if all(trial.balanced for trial in played) else FAILED

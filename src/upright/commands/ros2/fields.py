@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from upright.commands.options import LABELS, TASK, add
-from upright.commands.parser import Parser, as_number, as_whole
+from upright.commands.parser import READ, WRITTEN, Parser, as_number, as_whole
 from upright.core.conditions import STARTS
 from upright.errors import UprightError
 from upright.nodes.settings import SIMULATED
@@ -29,8 +29,8 @@ READERS = {int: as_whole, float: as_number}
 """What reads a setting of another kind than text."""
 FLAGS = {"from_policy": "--from"}
 """Options that are not named after their setting."""
-FILES = ("policy", "from_policy", "save")
-"""Settings that name a file."""
+FILES = {"policy": READ, "from_policy": READ, "save": WRITTEN}
+"""Settings that name a file, and what is done with it."""
 
 
 def add_learning_agent(parser: Parser) -> None:
@@ -60,7 +60,7 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
             form["metavar"] = TASK["--noise"]["metavar"]
             described = TASK["--noise"]["help"].removesuffix(" (default: %(default)s)")
         elif name in FILES:
-            form |= {"metavar": "FILE"}
+            form |= {"metavar": "FILE", "file": FILES[name]}
         elif isinstance(default, bool):
             form = {"action": argparse.BooleanOptionalAction}
         if default != "":

@@ -1,5 +1,6 @@
 """Takes pictures of Gazebo's window on a machine without a display."""
 
+import io
 import os
 import shutil
 import struct
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from upright.errors import Stopped, UprightError
-from upright.support.files import replacing
+from upright.support.files import write_file
 from upright.support.processes import end_process
 
 SCREEN = "Xvfb_screen0"
@@ -109,5 +110,6 @@ def _read_dump(dump: bytes) -> np.ndarray:
 def _write_picture(pixels: np.ndarray, path: Path | str) -> None:
     from matplotlib.image import imsave
 
-    with replacing(path) as place:
-        imsave(place, np.ascontiguousarray(pixels), format="png")
+    output = io.BytesIO()
+    imsave(output, np.ascontiguousarray(pixels), format="png")
+    write_file(path, output.getvalue())

@@ -18,6 +18,7 @@ from upright.reports.names import agent_name, noise_name
 from upright.reports.plots.style import INK, WIDTH, entitle, mark_limits, styled
 from upright.studies.playing import case_for, record
 from upright.studies.run import make_plant
+from upright.support.terminal import visible
 
 PORTRAIT_STEPS = 500
 """Number of steps in a phase portrait: 10 seconds."""
@@ -112,7 +113,8 @@ def plot_phases(policy: Policy) -> Figure:
     figure.colorbar(line, ax=list(panels), label="time [s]", pad=0.02, aspect=30)
     title = f"{agent_name(policy.agent)}, {noise_name(policy.learned_on.noise)}"
     ending = "balanced for" if len(states) > task.steps else "fallen after"
-    figure.suptitle(f"{title}: {ending} {seconds[-1]:.3g} s", x=0.01, ha="left")
+    title = visible(f"{title}: {ending} {seconds[-1]:.3g} s")
+    figure.suptitle(title, x=0.01, ha="left")
     learned = f"policy of seed {policy.seed}, run {policy.run}"
     for axes, body, note in zip(panels, bodies, (learned, ""), strict=True):
         limits = f"limits ±{body.limit:.3g} {body.symbol}".replace(" °", "°")

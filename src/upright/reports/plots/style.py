@@ -21,6 +21,7 @@ from upright.core.trials import Result
 from upright.errors import require_one_of
 from upright.studies.case import Case
 from upright.support.files import check_output, write_file
+from upright.support.terminal import visible
 
 Learned = Sequence[tuple[Case, Sequence[Result]]]
 """Cases with the results of their runs."""
@@ -68,6 +69,7 @@ STYLE: Any = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "upright",
     "text.color": INK,
+    "text.parse_math": False,  # a name may have dollar signs
     "xtick.color": MUTED,
     "xtick.labelcolor": INK,
     "xtick.labelsize": 9,
@@ -232,6 +234,11 @@ def number_axis(axis: Axis, low: float, high: float, *, logarithmic: bool, most:
     axis.set_minor_formatter(NullFormatter())
 
 
+def in_lines(text: str, width: int) -> str:
+    """Return a text in lines of at most this many characters, each of which can be seen."""
+    return fill(visible(text), width)
+
+
 def entitle(axes: Axes, title: str, subtitle: Iterable[str] = (), beside: float = 0.0) -> None:
     """Write a title above a panel, and smaller lines below it, none wider than the panel.
 
@@ -244,9 +251,9 @@ def entitle(axes: Axes, title: str, subtitle: Iterable[str] = (), beside: float 
     assert isinstance(figure, Figure)
     assert grid is not None
     width = int(((figure.get_figwidth() - beside) / grid.ncols - 0.3) / LETTER)
-    lines = [fill(line, round(1.2 * width)) for line in subtitle if line]
+    lines = [in_lines(line, round(1.2 * width)) for line in subtitle if line]
     text = "\n".join(lines)
-    axes.set_title(fill(title, width), pad=6 + 12 * (text.count("\n") + 1 if lines else 0))
+    axes.set_title(in_lines(title, width), pad=6 + 12 * (text.count("\n") + 1 if lines else 0))
     if lines:
         place = {"xycoords": "axes fraction", "textcoords": "offset points"}
         axes.annotate(text, (0, 1), (0, 5), **place, color=MUTED, fontsize=8.5, va="bottom")  # type: ignore[arg-type]
@@ -290,10 +297,10 @@ def place_legend(
 ) -> None:
     """Place the legend where it hides no data: in an empty place, or else below the panels."""
     if empty and len(labels) <= 10:
-        texts = [fill(label, 34) for label in labels]
+        texts = [in_lines(label, 34) for label in labels]
         empty[0].legend(handles, texts, loc="center left", bbox_to_anchor=(0, 0.5))
         return
-    texts = [fill(label, 60) for label in labels]
+    texts = [in_lines(label, 60) for label in labels]
     longest = max(len(text) for text in texts)
     columns = max(1, min(len(texts), int(figure.get_figwidth() / (0.65 + 0.078 * longest))))
     figure.set_figheight(figure.get_figheight() + 0.2 * (1 + -(-len(texts) // columns)))
@@ -304,7 +311,7 @@ def shared_title(figure: Figure, *parts: str) -> None:
     """Write above all panels what they have in common; empty parts are left out."""
     text = ", ".join(filter(None, parts))
     if text:
-        lines = fill(text[0].upper() + text[1:], int(figure.get_figwidth() / 0.09))
+        lines = in_lines(text[0].upper() + text[1:], int(figure.get_figwidth() / 0.09))
         figure.suptitle(lines, x=0.01, ha="left")
 
 
