@@ -112,7 +112,7 @@ def test_a_command_gets_its_own_options_and_no_more(name):
     own = {action.dest for action in parser._actions}
     needed = [action for action in parser._actions if not action.option_strings]
     needed = [action for action in needed if action.nargs != "?" or action.metavar == "AGENT"]
-    words = [next(iter(action.choices)) if action.choices else "x" for action in needed]
+    words = [next(iter(each.choices)) if each.choices else f"x{n}" for n, each in enumerate(needed)]
     given = vars(make_parser().parse([*name.split(), *words]))
     assert given.keys() - {"command", "parser", "check"} <= own
 
