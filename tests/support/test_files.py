@@ -426,7 +426,9 @@ def test_two_names_of_one_file_are_found(tmp_path, monkeypatch):
             require_apart([("output", "new"), ("store", name)])
     for end in ("-wal", "-shm", "-journal"):
         with pytest.raises(UprightError, match="belongs to"):
-            require_apart([("output", f"here/store{end}")], [("store", "link/../store")])
+            require_apart([("output", f"here/store{end}")], [("store", "./store")])
+        with pytest.raises(UprightError, match="belongs to it"):
+            require_apart([("store", "./store"), ("output", f"here/store{end}")])
 
 
 def test_files_that_differ_are_not_refused(tmp_path, monkeypatch):

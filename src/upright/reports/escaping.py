@@ -32,7 +32,7 @@ LATEX = {
     "]": "{]}",
 }
 """How LaTeX writes what it does not take literally."""
-MARKDOWN = re.compile(r"[\\`*<~$]|&(?=#?\w+;)|\](?=[(\[:])|(?<!\w)_|_(?!\w)")
+MARKDOWN = re.compile(r"[\\`*<~$]|&(?=#?\w+;)|\](?=[(\[:])|(?<![^\W_])_|_(?![^\W_])")
 """What Markdown does not take literally, within a line of text."""
 
 

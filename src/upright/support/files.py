@@ -122,11 +122,10 @@ def require_apart(written: Iterable[Named], read: Iterable[Named] = ()) -> None:
     for (name, path), (other, place) in pairs:
         if _is_same(path, place):
             raise UprightError(f"{name} is {path!r}; it is the same file as {other} {place!r}")
-        ends = [(end, "") for end in COMPANIONS] + [("", end) for end in COMPANIONS]
-        if any(_is_same(path + end, place + another) for end, another in ends):
-            raise UprightError(
-                f"{name} is {path!r}; it belongs to {other} {place!r}, or that to it"
-            )
+        if any(_is_same(path, place + end) for end in COMPANIONS):
+            raise UprightError(f"{name} is {path!r}; it belongs to {other} {place!r}")
+        if any(_is_same(path + end, place) for end in COMPANIONS):
+            raise UprightError(f"{name} is {path!r}; {other} {place!r} belongs to it")
 
 
 def _is_same(path: str, other: str) -> bool:
