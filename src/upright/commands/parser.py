@@ -3,14 +3,16 @@
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from upright.errors import UprightError, did_you_mean, require_one_of
 from upright.support.exit_status import BAD_USE
-from upright.support.files import Named, check_name, require_apart
 from upright.support.numbers import whole_number
 from upright.support.registry import Registry
 from upright.support.terminal import visible
+
+if TYPE_CHECKING:
+    from upright.support.files import Named
 
 READ, WRITTEN, MODEL = "read", "written", "model"
 """What may be done with the file that an argument names; the last is for NAME=VALUE, where a file
@@ -105,7 +107,10 @@ class Parser(argparse.ArgumentParser):
         UprightError
             If a file's name is not possible, or a file is written and also another of these.
         """
-        written, read = list[Named](), list[Named]()
+        from upright.support.files import check_name, require_apart  # help needs neither
+
+        written: list[Named] = []
+        read: list[Named] = []
         for action, use in self.files:
             name = action.option_strings[-1] if action.option_strings else str(action.metavar)
             given = getattr(options, action.dest, None)

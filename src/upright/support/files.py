@@ -4,11 +4,9 @@ import errno
 import hashlib
 import io
 import os
-import secrets
 import shutil
 import stat
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from itertools import combinations
@@ -246,6 +244,8 @@ def scratch() -> Iterator[tuple[IO[bytes], str]]:
 
     On Linux it is in no folder, so a process that is killed leaves nothing behind.
     """
+    import tempfile  # imported late: commands start sooner without it
+
     if os.path.isdir(OPEN_FILES):
         with tempfile.TemporaryFile() as unnamed:
             yield unnamed, f"/proc/{os.getpid()}/fd/{unnamed.fileno()}"
@@ -391,7 +391,7 @@ class _Part:
             os.close(number)
 
     def _hidden(self) -> Path:
-        return self.target.with_name(f"{self._prefix()}{secrets.token_hex(6)}.part")
+        return self.target.with_name(f"{self._prefix()}{os.urandom(6).hex()}.part")
 
     def _prefix(self) -> str:
         """Return how hidden names for this target begin."""
