@@ -196,6 +196,7 @@ def test_a_closed_stream_is_a_sentence_or_nothing(words, closing, status, errors
     assert "Traceback" not in how.stderr
 
 
+@pytest.mark.slow
 def test_no_file_gets_the_number_of_a_closed_stream(folder):
     before = Path("runs.sqlite").read_bytes()
     assert ended(["show", "runs.sqlite"], ">&- 2>&- <&-").returncode == UNWRITTEN
