@@ -24,7 +24,7 @@ def folder(tmp_path, monkeypatch):
         store.add(case.key, 0, upright.Result(0, True, np.array([2, 9]), 0.5))
         store.add(case.key, 0, upright.Result(1, True, np.array([1, 4, 9]), 0.5))
     with upright.Store("empty.sqlite") as store:
-        store._open()
+        store._open_to_write()
     policy = learned_policy(case, 0, 0, case.settings.agent(None))
     upright.save_policy("policy.npz", policy)
     return tmp_path

@@ -1,16 +1,18 @@
 import multiprocessing
 import os
+import shutil
 import sqlite3
 import threading
 
 import numpy as np
 import pytest
-from helpers import python, write_results
+from helpers import ROOT, python, write_results
 
 from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.studies.case import make_case
+from upright.studies.schema import NEWEST
 from upright.studies.store import Store
 from upright.studies.study import study
 
@@ -230,20 +232,69 @@ def test_the_version_that_made_the_runs_is_kept(store, monkeypatch):
     assert store.version(KEY, 2) is None
 
 
-def test_a_store_of_an_earlier_version_names_none_until_runs_are_added(tmp_path):
-    path = tmp_path / "results.db"
-    with Store(path) as store:
-        store.add(KEY, 1, result(0, 1))
+# ------------------------------------------------------------------------------ earlier forms
+
+OLD = {
+    "0.1": ROOT / "tests/data/0.1.0/store.sqlite",
+    "0.2": ROOT / "tests/data/stores/0.2.0.sqlite",
+    "unreleased": ROOT / "tests/data/stores/unreleased.sqlite",
+}
+"""Stores that the code of earlier versions wrote."""
+
+
+@pytest.fixture(params=OLD)
+def old(request, tmp_path):
+    return shutil.copy(OLD[request.param], tmp_path / "old.sqlite")
+
+
+def contents(path):
+    with Store(path, must_exist=True) as store:
+        return [(about, r[:2], r.lengths.tolist(), r.seconds) for about, r in store.runs()]
+
+
+def outcomes(path):
+    with Store(path, must_exist=True) as store:
+        return [[a.tolist() for a in store.outcomes(key, seed)] for _, key, seed in store.cases()]
+
+
+def form(path):
     database = sqlite3.connect(path)
-    database.execute("ALTER TABLE runs DROP COLUMN version")
+    ((version,),) = database.execute("PRAGMA user_version")
     database.close()
-    with Store(path) as store:
-        assert store.version(KEY, 1) is None
+    return version
+
+
+def test_an_old_store_is_read_without_a_change_and_gets_the_present_form_with_a_run(old, tmp_path):
+    bytes_before, before, summary = old.read_bytes(), contents(old), outcomes(old)
+    assert len(before) >= 6
+    assert (old.read_bytes(), os.listdir(tmp_path)) == (bytes_before, ["old.sqlite"])
+    with Store(old) as store:
+        assert (
+            store.version(*store.cases()[0][1:]) == before[0][0]["version"].replace("unknown", "")
+            or store.version(*store.cases()[0][1:]) is None
+        )
+        store.add(KEY, 1, result(0, 1))
+        assert store.version(KEY, 1) == __version__
         assert rows(store) == [(0, True, [1], 0.5)]
-        store.add(KEY, 1, result(1, 1))
-        store.add(KEY, 2, result(0, 1))
-        assert store.version(KEY, 1) is None
-        assert store.version(KEY, 2) == __version__
+    assert integrity(old) == "ok"
+    assert form(old) == NEWEST
+    database = sqlite3.connect(old)
+    database.execute(
+        "DELETE FROM runs WHERE case_id = (SELECT id FROM cases WHERE key = ?)", (KEY,)
+    )
+    database.commit()
+    database.close()
+    assert contents(old) == before
+    assert outcomes(old) == summary
+
+
+def test_the_trials_in_old_stores_are_those_that_were_recorded():
+    expected = [[9, 174, 11, 300], [9, 9, 10, 9, 9, 300]]
+    for name in ("0.2", "unreleased"):
+        with Store(OLD[name]) as store:
+            key, seed = store.cases()[1][1:]
+            assert [r.lengths.tolist() for r in store.results(key, seed, 2)] == expected
+            assert store.environments() == {0: ("", 10)}
 
 
 def test_an_empty_file_becomes_a_store(tmp_path):
@@ -259,8 +310,8 @@ def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
     path = tmp_path / "results.db"
     store = Store(path)
     store.add(KEY, 1, result(0, 1))
-    ((pages,),) = store._database.execute("PRAGMA page_count")
-    store._database.execute(f"PRAGMA max_page_count = {pages}")
+    ((pages,),) = store._rows("PRAGMA page_count")
+    store._rows(f"PRAGMA max_page_count = {pages}")
     with pytest.raises(UprightError, match=r"results\.db'; it cannot be used: .*full"):
         store.add(KEY, 1, result(1, *range(10**5)))
     assert store.finished(KEY, 1) == {0}
@@ -292,7 +343,7 @@ def test_several_processes_write_to_one_store(tmp_path):
     assert integrity(path) == "ok"
 
 
-def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
+def test_writing_waits_for_another_process_that_is_making_the_store(tmp_path):
     """That process has marked the file as a store, and is not done with it."""
     path = tmp_path / "results.db"
     with Store(path) as store:
@@ -303,8 +354,11 @@ def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
     release = threading.Timer(0.3, other.execute, ["COMMIT"])
     release.start()
     try:
-        Store(path).close()
-        assert not other.in_transaction, "it did not wait"
+        with Store(path) as store:
+            assert rows(store) == [(0, True, [1], 0.5)]
+            assert other.in_transaction, "reading waited"
+            store.add(KEY, 1, result(1, 1))
+        assert not other.in_transaction, "writing did not wait"
     finally:
         release.join()
         other.close()
@@ -312,6 +366,7 @@ def test_opening_waits_for_another_process_that_is_making_the_store(tmp_path):
 
 KILLED_STUDY = """
 import os, signal, sys
+from upright.studies.schema import NEWEST
 from upright.studies.store import Store
 from upright.studies.case import make_case
 from upright.studies.study import study
@@ -332,7 +387,7 @@ def within_a_write(statement):
         die()
 
 store = Store({path!r})
-store._open().set_trace_callback(within_a_write)
+store._open_to_write()._connection.set_trace_callback(within_a_write)
 study([make_case("random-search", steps=500)], 30, 7, store, after_a_result)
 """
 

@@ -194,7 +194,7 @@ def stored_rows(path: Path | str) -> list[Row]:
         If the file is missing or not a store.
     """
     with Store(path, must_exist=True) as store:
-        found = [(Case.from_data(values), seed, key) for values, key, seed in store.cases()]
+        found = [(store.case(key), seed, key) for _, key, seed in store.cases()]
         return in_order([_stored_row(case, seed, store, key) for case, seed, key in found])
 
 

@@ -1,6 +1,7 @@
 """Cases: an agent with its settings on a task, and what identifies its runs."""
 
 import json
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,20 @@ from upright.support.short_repr import call
 
 LANGUAGES = ("Python", "MATLAB")
 """Languages that a run can be made in: this package, or its MATLAB twin."""
+TASK_PARTS = ("noise", "start", "steps", "trials", "condition")
+"""What a key of version 0.1 holds of the task, among its other parts."""
+PARTS = (
+    "agent",
+    "label",
+    "settings",
+    "task",
+    "language",
+    "plant",
+    "rule",
+    "integrator",
+    *TASK_PARTS,
+)
+"""What data of a case may hold."""
 
 
 @dataclass(frozen=True)
@@ -153,12 +168,22 @@ class Case:
         UprightError
             If there is no such agent or plant, or a name or value is not allowed.
         """
+        for name in values:
+            require_one_of("part of a case", name, PARTS)
+        try:
+            return cls._from_parts(values)
+        except UprightError:
+            raise
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            raise UprightError(f"case is {reprlib.repr(values)}; it is not one of a run") from None
+
+    @classmethod
+    def _from_parts(cls, values: Mapping[str, Any]) -> "Case":
         plant = dict(values.get("plant", {"name": "equations"}))
         if "task" in values:
             task = dict(values["task"])
         else:  # from a store of version 0.1
-            names = ("noise", "start", "steps", "trials", "condition")
-            task = {name: values[name] for name in names if name in values}
+            task = {name: values[name] for name in TASK_PARTS if name in values}
         if plant["name"] == "equations":
             plant.setdefault("integrator", values.get("integrator", "euler"))
         return cls(

@@ -59,6 +59,11 @@ RESULT = {
 ORIGIN = {
     "ended": Column("time", "When the run ended (UTC)."),
     "version": Column("text", "Version of Upright that made the run; unknown up to 0.2."),
+    "environment": Column(
+        "integer",
+        "Number, in its store, of the environment that made the run (upright show --each "
+        "environment); 0 if it was not recorded.",
+    ),
 }
 """Columns of when and with what a run was made, which stores know."""
 TRIAL = {

@@ -2,53 +2,41 @@
 
 import json
 import os
-import sqlite3
-import time
-from collections.abc import Iterator, Sequence
+import stat
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime
+from itertools import count as count_up
 from itertools import groupby
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from upright import __version__
 from upright.core.trials import Result
-from upright.errors import UprightError, require_kind
+from upright.errors import CodeError, UprightError, require_kind
 from upright.studies.case import Case
-from upright.studies.outcomes import Outcomes, outcomes_of
+from upright.studies.database import Database, log_of, open_to_read
+from upright.studies.outcomes import Outcomes, make_outcomes
+from upright.studies.recorded_environment import present_environment
 from upright.studies.records import describe_case, make_frame
+from upright.studies.schema import FORMS, NEWEST, Form, form_of, prepare, put
+from upright.studies.stored_run import StoredRun, as_result, as_stored, key_checksum
 from upright.support.words import count
 
 if TYPE_CHECKING:
     import pandas
 
-APPLICATION_ID = 0x55505254
-"""Marks a database as a store of this package ("UPRT")."""
-PATIENCE = 60.0
-"""How long to wait while another process is writing [s]."""
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS cases (
-    id INTEGER PRIMARY KEY,
-    key TEXT NOT NULL UNIQUE
-);
-CREATE TABLE IF NOT EXISTS runs (
-    case_id INTEGER NOT NULL REFERENCES cases (id),
-    seed INTEGER NOT NULL,
-    run INTEGER NOT NULL,
-    success INTEGER NOT NULL,
-    lengths BLOB NOT NULL,
-    seconds REAL NOT NULL,
-    ended TEXT NOT NULL DEFAULT (datetime('now')),
-    version TEXT,
-    PRIMARY KEY (case_id, seed, run)
-) WITHOUT ROWID;
-"""
+COLUMNS = ", ".join(StoredRun._fields)
+"""The columns of a run but for the lengths of its trials, for queries."""
 
 
 class Store:
     """A file of finished runs. Several processes may write to the same one.
+
+    A file is opened for reading, which never changes it, until the first run is added. A file of an
+    earlier version then gets its present form.
 
     Parameters
     ----------
@@ -76,9 +64,14 @@ class Store:
     def __init__(self, path: Path | str | None = None, *, must_exist: bool = False) -> None:
         require_kind("store", path, (str, Path, NoneType), "the path of a file")
         self.path = path
-        self._database: sqlite3.Connection | None = None
-        if path is None or Path(path).exists():
-            self._open()
+        self._database: Database | None = None
+        self._form: Form | None = None
+        """The form of the file; None while it holds nothing."""
+        self._is_written = False
+        if path is None:
+            self._open_to_write()
+        elif _exists(path):
+            self._open_to_read(Path(path))
         elif must_exist:
             raise UprightError(f"store is {str(path)!r}; there is no such file")
         elif not Path(path).parent.is_dir():
@@ -95,126 +88,207 @@ class Store:
     def __repr__(self) -> str:
         place = "in memory" if self.path is None else repr(str(self.path))
         try:
-            rows = self._rows("SELECT count(DISTINCT case_id), count(*) FROM runs")
+            rows = self._rows("SELECT count(DISTINCT case_id), count(*) FROM {runs}")
         except UprightError:  # it is closed, or another thread's
             return f"Store({place})"
         cases, runs = rows[0] if rows else (0, 0)
         return f"Store({place}, {count(cases, 'case')}, {count(runs, 'run')})"
 
-    @contextmanager
-    def _explaining_errors(self) -> Iterator[None]:
-        """Turn errors of the database into one-line errors that name the store."""
+    def _open_to_read(self, path: Path) -> None:
+        database = open_to_read(path)
         try:
-            yield
-        except sqlite3.Error as error:
-            raise UprightError(f"store is {str(self.path)!r}; it cannot be used: {error}") from None
-
-    def _open(self) -> sqlite3.Connection:
-        """Open the file, and create it if need be."""
-        name = ":memory:" if self.path is None else str(self.path)
-        with self._explaining_errors():
-            database = sqlite3.connect(name, timeout=PATIENCE, isolation_level=None)
-        try:
-            with self._explaining_errors():
-                self._prepare(database)
+            form = form_of(database)
         except BaseException:
             database.close()
             raise
-        self._database = database
+        self._database, self._form = database, form
+
+    def _open_to_write(self) -> Database:
+        """Return the database, which can be written to from now on."""
+        if self._database and self._is_written:
+            return self._database
+        if self._database:
+            self._database.close()
+        database = Database(None if self.path is None else Path(self.path))
+        try:
+            prepare(database)
+        except BaseException:
+            database.close()
+            raise
+        self._database, self._form, self._is_written = database, FORMS[NEWEST], True
         return database
 
-    def _rows(self, query: str, values: Sequence[object] = ()) -> list[Any]:
-        """Return what the file holds, which is nothing while there is none."""
+    def _rows(self, query: str, values: Iterable[object] = ()) -> list[Any]:
+        """Return what a query finds, which is nothing while there is no file.
+
+        In the query, {runs} and {environments} stand for tables with the columns of the present
+        form.
+        """
         return list(self._each_row(query, values))
 
-    def _each_row(self, query: str, values: Sequence[object] = ()) -> Iterator[Any]:
+    def _each_row(self, query: str, values: Iterable[object] = ()) -> Iterator[Any]:
         """Yield what `_rows` returns, row by row as it is read."""
-        if self._database is None and not Path(str(self.path)).exists():
-            return
-        database = self._database or self._open()
-        with self._explaining_errors():
-            # `yield from` would close the cursor of a reader that ends early, which SQLite refuses
-            # if the store was closed first.
-            for row in database.execute(query, values):  # noqa: UP028
-                yield row
+        if self._form is None and self.path is not None and _exists(self.path):
+            self.close()
+            self._open_to_read(Path(self.path))  # another process may have made it a store
+        if self._database and self._form:
+            names = {"runs": self._form.runs, "environments": self._form.environments}
+            yield from self._database.each(query.format(**names), tuple(values))
 
-    def _prepare(self, database: sqlite3.Connection) -> None:
-        ((tables,),) = database.execute("SELECT count(*) FROM sqlite_master")
-        ((application,),) = database.execute("PRAGMA application_id")
-        if application != APPLICATION_ID:
-            if application or tables:
-                raise UprightError(
-                    f"store is {str(self.path)!r}; it is a database of another program"
-                )
-            database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        self._write_ahead(database)
-        database.execute("PRAGMA synchronous = NORMAL")
-        database.executescript(SCHEMA)
-
-    def _write_ahead(self, database: sqlite3.Connection) -> None:
-        """Switch to the write-ahead log, so that a killed process loses nothing.
-
-        While another process does the same, SQLite fails at once instead of waiting.
-        """
-        until = time.monotonic() + PATIENCE
-        while True:
-            try:
-                database.execute("PRAGMA journal_mode = WAL")
-            except sqlite3.OperationalError as error:
-                if "locked" not in str(error) or time.monotonic() > until:
-                    raise
-                time.sleep(0.01)
-            else:
-                return
-
-    def finished(self, key: str, seed: int) -> set[int]:
-        """Return the numbers of the finished runs of a case."""
-        query = "SELECT run FROM runs JOIN cases ON id = case_id WHERE key = ? AND seed = ?"
-        return {run for (run,) in self._rows(query, (key, seed))}
-
-    def add(self, key: str, seed: int, result: Result) -> None:
-        """Store a finished run; a stored run with the same number is kept instead.
+    @contextmanager
+    def writing(self) -> Iterator[Database]:
+        """Let the block write, and keep what it has written as a whole or not at all.
 
         Raises
         ------
         UprightError
-            If the disk is full or the file cannot be written.
+            If the disk is full, the file cannot be written, or it was deleted or replaced; then
+            all runs are in a new file, which the error names.
         """
-        lengths = result.lengths.astype("<i4").tobytes()
-        row = (seed, result.run, result.success, lengths, result.seconds, __version__, key)
-        database = self._database or self._open()
-        with self._explaining_errors(), database:
-            database.execute("BEGIN IMMEDIATE")
-            if not self._names_versions():  # in a store of version 0.2 or earlier
-                database.execute("ALTER TABLE runs ADD COLUMN version TEXT")
-            database.execute("INSERT OR IGNORE INTO cases (key) VALUES (?)", (key,))
-            database.execute(
-                "INSERT OR IGNORE INTO runs (case_id, seed, run, success, lengths, seconds, "
-                "version) SELECT id, ?, ?, ?, ?, ?, ? FROM cases WHERE key = ?",
-                row,
-            )
+        database = self._open_to_write()
+        with database.transaction():
+            yield database
+        self._require_in_place()
 
-    def _names_versions(self) -> bool:
-        """Whether the file has a place for the versions that runs were made with."""
-        return bool(self._rows("SELECT 1 FROM pragma_table_info('runs') WHERE name = 'version'"))
+    def _require_in_place(self) -> None:
+        """Raise UprightError if the file was deleted or replaced, after saving what is in it."""
+        database = self._database
+        if database is None or not self._is_written or database.is_in_place():
+            return
+        self._database, self._form, self._is_written = None, None, False
+        path = Path(str(self.path))
+        why = "it was deleted, moved or replaced by another program as runs were made"
+        try:
+            for folder in (path.parent, Path(tempfile.gettempdir())):
+                place = _free_name(folder / path.name)
+                try:
+                    database.run("VACUUM INTO ?", (str(place),))
+                except UprightError as error:
+                    fault = error
+                else:
+                    raise database.fault(f"{why}; all its runs are in {str(place)!r}")
+            raise database.fault(f"{why}, and its runs could not be kept elsewhere: {fault}")
+        finally:
+            database.close()
+
+    def finished(self, key: str, seed: int) -> set[int]:
+        """Return the numbers of the finished runs of a case."""
+        query = "SELECT run FROM {runs} JOIN cases ON id = case_id WHERE key = ? AND seed = ?"
+        return {run for (run,) in self._rows(query, (key, seed))}
+
+    def add(self, key: str, seed: int, result: Result, environment: str | None = None) -> None:
+        """Store a finished run; a stored run with the same number is kept instead.
+
+        Parameters
+        ----------
+        key, seed
+            Key of its case, and seed of its study.
+        result
+            The run.
+        environment
+            What it was made with, as `present_environment` returned it on its machine; unless
+            given, that of this process.
+
+        Raises
+        ------
+        UprightError
+            If the disk is full, the file cannot be written, or it was deleted or replaced.
+        """
+        row, lengths = as_stored(seed, result, datetime.now(UTC).replace(tzinfo=None), __version__)
+        with self.writing() as database:
+            put(database, key, row, lengths, environment or present_environment())
+
+    def recover(self) -> None:
+        """Take into the file what a killed process left beside it, which reading alone does not."""
+        if self.path and not self._is_written and log_of(Path(self.path)).exists():
+            self._open_to_write()
 
     def results(self, key: str, seed: int, runs: int | None = None) -> list[Result]:
         """Return the finished runs of a case in order, or the first `runs` of them."""
-        rows = self._rows(
-            "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
-            "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
-            (key, seed, 2**62 if runs is None else runs),
-        )
-        return [_result(*row) for row in rows]
+        return [as_result(row, lengths) for _, row, lengths in self._of_case(key, seed, runs)]
 
     def outcomes(self, key: str, seed: int, runs: int | None = None) -> Outcomes:
         """Return what came out of the finished runs of a case in order, or of its first `runs`."""
-        rows = self._each_row(
-            "SELECT run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
-            "WHERE key = ? AND seed = ? AND run < ? ORDER BY run",
-            (key, seed, 2**62 if runs is None else runs),
+        found = self._of_case(key, seed, runs, with_lengths=False)
+        return make_outcomes(
+            (row.run, bool(row.success), row.trials, row.steps, row.seconds) for _, row, _ in found
         )
-        return outcomes_of(_result(*row) for row in rows)
+
+    def _of_case(
+        self, key: str, seed: int, runs: int | None, *, with_lengths: bool = True
+    ) -> Iterator[tuple[int, StoredRun, bytes]]:
+        """Yield the finished runs of a case in order, or the first `runs` of them."""
+        below = 2**62 if runs is None else runs
+        for (case,) in self._rows("SELECT id FROM cases WHERE key = ?", (key,)):
+            where = "WHERE case_id = ? AND seed = ? AND run < ?"
+            yield from self._checked({case: key}, where, (case, seed, below), with_lengths)
+
+    def _checked(
+        self,
+        keys: Mapping[int, str],
+        where: str = "",
+        values: Iterable[object] = (),
+        with_lengths: bool = True,
+        on_damage: Callable[[str], None] | None = None,
+    ) -> Iterator[tuple[int, StoredRun, bytes]]:
+        """Yield the runs of some cases, whose keys are given by number, as they are read.
+
+        Raises
+        ------
+        UprightError
+            If a run is damaged, unless something else is to be done then.
+        """
+        checksums = {case: key_checksum(key) for case, key in keys.items()}
+        columns = COLUMNS + ", lengths" * with_lengths
+        query = f"SELECT case_id, {columns} FROM {{runs}} {where} ORDER BY case_id, seed, run"
+        previous: tuple[int, ...] = ()
+        for case, *cells in self._each_row(query, values):
+            lengths = cells.pop() if with_lengths else b""
+            row = StoredRun._make(cells)
+            place = case, row.seed, row.run
+            if (
+                row.is_sound(checksums.get(case, -1))
+                and (not with_lengths or row.has(lengths))
+                and place > previous  # else a damaged file could go on for ever
+            ):
+                previous = place
+                yield case, row, lengths
+            else:
+                damage = f"run {row.run!r} of seed {row.seed!r} of case {case!r}"
+                (on_damage or self._refuse)(damage)
+
+    def _refuse(self, damage: str) -> None:
+        raise self._fault(f"it is damaged in {damage}; upright verify lists all that is damaged")
+
+    def _fault(self, text: str) -> UprightError:
+        assert self._database is not None
+        return self._database.fault(text)
+
+    def _keys(self) -> dict[int, str]:
+        """Return the keys of all cases by their numbers."""
+        keys = dict(self._rows("SELECT id, key FROM cases"))
+        if not all(isinstance(key, str) for key in keys.values()):
+            raise self._fault("it is damaged: the key of a case is not text")
+        return keys
+
+    def each_run(
+        self, on_damage: Callable[[str], None] | None = None
+    ) -> Iterator[tuple[str, StoredRun, bytes]]:
+        """Yield every run, case by case, as it is read: the key of its case, and what is stored.
+
+        Parameters
+        ----------
+        on_damage
+            Called with the place of each damaged run, which is left out.
+
+        Raises
+        ------
+        UprightError
+            If a run is damaged and `on_damage` is not given, or the file cannot be read.
+        """
+        keys = self._keys()
+        for case, row, lengths in self._checked(keys, on_damage=on_damage):
+            yield keys[case], row, lengths
 
     def runs(self) -> Iterator[tuple[dict[str, Any], Result]]:
         """Yield every run, case by case, as it is read: what is known of it, and its result.
@@ -223,24 +297,19 @@ class Store:
         ------
         tuple
             The values of the run that its result does not have, by name (see docs/data.md): what
-            identifies it, when it ended and the version that made it. And the result.
+            identifies it, when it ended, the version that made it and the number of its
+            environment. And the result.
 
         Raises
         ------
         UprightError
             If the file is damaged, or a case is of an agent or plant that is not there.
         """
-        version = "coalesce(version, 'unknown')" if self._names_versions() else "'unknown'"
-        found = self._each_row(
-            f"SELECT case_id, key, strftime('%Y-%m-%dT%H:%M:%SZ', ended), {version}, "
-            "seed, run, success, lengths, seconds FROM runs JOIN cases ON id = case_id "
-            "ORDER BY case_id, seed, run"
-        )
-        for (number, key), rows in groupby(found, key=lambda row: row[:2]):
-            case = {"case": number, **describe_case(Case.from_data(json.loads(key)))}
-            for _, _, ended, made_with, seed, run, *measured in rows:
-                about = {"seed": seed, "run": run, "ended": ended, "version": made_with}
-                yield case | about, _result(run, *measured)
+        keys = self._keys()
+        for number, found in groupby(self._checked(keys), key=lambda each: each[0]):
+            case = {"case": number, **describe_case(self.case(keys[number]))}
+            for _, row, lengths in found:
+                yield case | row.about(), as_result(row, lengths)
 
     def frame(self, each: str = "run") -> "pandas.DataFrame":
         """Return all runs as a tidy pandas DataFrame.
@@ -278,29 +347,101 @@ class Store:
         str or None
             None if the version of any run is not known.
         """
-        if not self._names_versions():
-            return None
         rows = self._rows(
-            "SELECT DISTINCT version FROM runs JOIN cases ON id = case_id "
+            "SELECT DISTINCT version FROM {runs} JOIN cases ON id = case_id "
             "WHERE key = ? AND seed = ? ORDER BY version",
             (key, seed),
         )
         versions = [version for (version,) in rows]
-        return None if None in versions or not versions else " and ".join(versions)
+        return None if None in versions or not versions else " and ".join(map(str, versions))
 
     def cases(self) -> list[tuple[dict[str, Any], str, int]]:
         """Return the stored cases: each as a dictionary, its key, and a seed."""
-        rows = self._rows(
-            "SELECT DISTINCT key, seed FROM runs JOIN cases ON id = case_id ORDER BY case_id, seed"
+        keys = self._keys()
+        rows = self._rows("SELECT DISTINCT case_id, seed FROM {runs} ORDER BY case_id, seed")
+        if not all(case in keys for case, _ in rows):
+            raise self._fault("it is damaged: the key of a case is missing")
+        return [(self._values(keys[case]), keys[case], seed) for case, seed in rows]
+
+    def case(self, key: str) -> Case:
+        """Return the case of a key of this store.
+
+        Raises
+        ------
+        UprightError
+            If the key is damaged, or its agent or plant is not there.
+        """
+        try:
+            return Case.from_data(self._values(key))
+        except CodeError:
+            raise
+        except UprightError as error:
+            raise self._fault(f"a case in it cannot be read: {error}") from None
+
+    def _values(self, key: str) -> dict[str, Any]:
+        """Return a key as data."""
+        try:
+            values = json.loads(key)
+        except (ValueError, RecursionError):
+            values = None
+        if not isinstance(values, dict):
+            raise self._fault("it is damaged: the key of a case is not the JSON of one")
+        return values
+
+    def environments(self) -> dict[int, tuple[str, int]]:
+        """Return what the runs were made with, by number: its description, and how many runs.
+
+        Number 0, with an empty description, stands for what earlier versions did not record.
+        """
+        found = self._rows(
+            "SELECT environment, description, count(*) FROM {runs} LEFT JOIN {environments} "
+            "ON id = environment GROUP BY environment ORDER BY environment"
         )
-        return [(json.loads(key), key, seed) for key, seed in rows]
+        return {number or 0: (description or "", runs) for number, description, runs in found}
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file.
+
+        Raises
+        ------
+        UprightError
+            If it was deleted or replaced since runs were added to it; then they are in a new file,
+            which the error names.
+        """
         if self._database is not None:
-            self._database.close()
+            try:
+                self._require_in_place()
+            finally:
+                if self._database:
+                    self._database.close()
 
 
-def _result(run: int, success: int, lengths: bytes, seconds: float) -> Result:
-    """Return the result of a run from its row."""
-    return Result(run, bool(success), np.frombuffer(lengths, "<i4").astype(np.int64), seconds)
+def _exists(path: Path | str) -> bool:
+    """Whether there is a file of this name, which can be read.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be one, or something else is there.
+    """
+    name = f"store is {str(path)!r}"
+    if not str(path) or "\0" in str(path):
+        raise UprightError(f"{name}; it must be the name of a file")
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        raise UprightError(f"{name}; it cannot be used: {error.strerror}") from None
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+        raise UprightError(f"{name}; it is {kind}, a file is needed")
+    if not os.access(path, os.R_OK):
+        raise UprightError(f"{name}; it cannot be read: permission denied")
+    return True
+
+
+def _free_name(path: Path) -> Path:
+    """Return a path like this one where nothing is yet, to keep the runs of a lost store."""
+    names = (f"{path.stem}.rescued-{number}{path.suffix}" for number in count_up(1))
+    return next(place for name in names if not (place := path.with_name(name)).exists())

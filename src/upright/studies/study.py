@@ -116,6 +116,7 @@ def study(
     for case in cases:
         if (is_custom(case.agent) or case.plant != EQUATIONS) and _has_changed(case):
             raise UprightError(f"{_changeable(case)}; it changed after its case was made")
+    store.recover()
     missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
     ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
     twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
@@ -234,7 +235,4 @@ def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:
         If the file is missing or not a store.
     """
     with Store(path, must_exist=True) as store:
-        return [
-            (Case.from_data(values), seed, store.results(key, seed))
-            for values, key, seed in store.cases()
-        ]
+        return [(store.case(key), seed, store.results(key, seed)) for _, key, seed in store.cases()]

@@ -1,0 +1,216 @@
+"""Opens SQLite files with care: reading changes nothing, and what a file holds is not trusted."""
+
+import os
+import sqlite3
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from upright.errors import UprightError
+
+PATIENCE = 60.0
+"""How long to wait while another process is writing [s]."""
+LARGEST = 2**24
+"""The largest value that is read [bytes]; the trials of the longest run take a quarter of it."""
+STEPS_A_BYTE, FREE_STEPS, STEPS_AT_ONCE = 20, 10**7, 10**4
+"""Steps of SQLite's machine: what a query may take for each byte of its file, and besides; and how
+many there are between two looks. A sound file needs fewer; one whose pages lead back to each other
+would be read for ever."""
+SHARING, READING, WRITING = "mode=rw", "mode=ro", "mode=rwc"
+"""How to open a file: to read it, as one of those who may write; to read it; to write it."""
+ALONE = "immutable=1"
+"""How to open a file that nobody can be writing: without locks, and without files beside it."""
+
+
+class Database:
+    """A connection to an SQLite file; each error is one line that names the file.
+
+    Parameters
+    ----------
+    path
+        The file, or None for a database in memory.
+    mode
+        How to open it.
+    """
+
+    def __init__(self, path: Path | None, mode: str = WRITING) -> None:
+        self.path = path
+        self._left = 0
+        self._files: list[Any] | None = None
+        """Which file is written, and which is its log."""
+        place = ":memory:" if path is None else f"{path.absolute().as_uri()}?{mode}"
+        with self._explaining():
+            self._connection = sqlite3.connect(
+                place, timeout=PATIENCE, isolation_level=None, uri=True
+            )
+        self._connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST)
+        self._connection.set_progress_handler(self._goes_on_too_long, STEPS_AT_ONCE)
+        self._unchanged = _state(path) if path and mode == ALONE else None
+        settings = ["trusted_schema = OFF", "cell_size_check = ON"]
+        if mode != WRITING:
+            settings.append("query_only = ON")
+        try:
+            for setting in settings:
+                self.run(f"PRAGMA {setting}")
+        except BaseException:
+            self.close()
+            raise
+
+    def fault(self, text: str) -> UprightError:
+        """Return the error which says this of the file."""
+        text = "".join(each if each.isprintable() else "?" for each in text)
+        return UprightError(f"store is {str(self.path)!r}; {text}")
+
+    @contextmanager
+    def _explaining(self) -> Iterator[None]:
+        """Turn errors of the database into one-line errors that name the file."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", None) != sqlite3.SQLITE_INTERRUPT:
+                raise self.fault(f"it cannot be used: {error}") from None
+            if self._left >= 0:  # Ctrl-C, whose exception SQLite took from `_goes_on_too_long`
+                raise KeyboardInterrupt from None
+            raise self.fault("it is damaged: reading it does not end") from None
+
+    def _goes_on_too_long(self) -> bool:
+        """Count the steps of a query; return whether to end it.
+
+        Where Python is called, it also receives an interrupt.
+        """
+        self._left -= STEPS_AT_ONCE
+        return self._left < 0
+
+    def each(self, query: str, values: Sequence[object] = ()) -> Iterator[Any]:
+        """Yield the rows of a query as they are read."""
+        self._left = FREE_STEPS + STEPS_A_BYTE * self._size()
+        with self._explaining():
+            # `yield from` would close the cursor of a reader that ends early, which SQLite refuses
+            # if the database was closed first.
+            for row in self._connection.execute(query, values):  # noqa: UP028
+                yield row
+        if self._unchanged and self._unchanged != _state(self.path):
+            raise self.fault("it changed while it was read; read it again")
+
+    def rows(self, query: str, values: Sequence[object] = ()) -> list[Any]:
+        """Return the rows of a query."""
+        return list(self.each(query, values))
+
+    def run(self, statement: str, values: Sequence[object] = ()) -> None:
+        """Execute a statement."""
+        self.rows(statement, values)
+
+    def _size(self) -> int:
+        """Return the size of the file and its log [bytes]; without end for one in memory."""
+        if self.path is None:
+            return 2**62
+        return sum(state[2] for path in (self.path, log_of(self.path)) if (state := _state(path)))
+
+    def define(self, name: str, function: Any) -> None:
+        """Let queries call a function of one value."""
+        with self._explaining():
+            self._connection.create_function(name, 1, function, deterministic=True)
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """Keep what is written within the block as a whole, or nothing of it."""
+        self.run("BEGIN IMMEDIATE")
+        try:
+            yield
+            self.run("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:  # SQLite itself takes some back
+                with self._explaining():
+                    self._connection.rollback()
+            raise
+        self._files = self._files or self._present_files()
+
+    def write_ahead(self) -> None:
+        """Switch to the write-ahead log, so that a killed process loses nothing.
+
+        While another process does the same, SQLite fails at once instead of waiting.
+        """
+        until = time.monotonic() + PATIENCE
+        with self._explaining():
+            while True:
+                try:
+                    self._connection.execute("PRAGMA journal_mode = WAL")
+                except sqlite3.OperationalError as error:
+                    if "locked" not in str(error) or time.monotonic() > until:
+                        raise
+                    time.sleep(0.01)
+                else:
+                    break
+        self.run("PRAGMA synchronous = NORMAL")
+
+    def is_in_place(self) -> bool:
+        """Whether the file that was written still has its name, and so has its log."""
+        return self._files in (None, self._present_files())
+
+    def _present_files(self) -> list[Any]:
+        """Return which files have the names of the file and its log now."""
+        paths = [self.path, log_of(self.path)] if self.path else []
+        return [(state := _state(path)) and state[:2] for path in paths]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+
+def open_to_read(path: Path) -> Database:
+    """Open a file that is only read, and does not change by that.
+
+    Raises
+    ------
+    UprightError
+        If the file cannot be read, such as where a killed process left a part of it in a log, which
+        cannot be read without permission to write.
+    """
+    writable = os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
+    log, journal = _state(log_of(path)), _state(Path(f"{path}-journal"))
+    if log and log[2]:  # it is being written, or a process was killed
+        modes = [READING]
+    elif journal:  # a process was killed; what it had not finished is taken back
+        modes = [SHARING if writable else READING]
+    elif writable:
+        modes = [SHARING, ALONE]  # the latter on a full disk
+    else:
+        modes = [ALONE if _has_log(path) else READING]
+    for mode in modes:
+        database = Database(path, mode)
+        try:
+            database.run("SELECT count(*) FROM sqlite_master")
+        except UprightError as error:
+            database.close()
+            fault = error
+        except BaseException:
+            database.close()
+            raise
+        else:
+            return database
+    if not writable and (log or journal):
+        why = "a process that wrote it was killed, which is mended only where it can be written"
+        raise UprightError(f"{fault}; {why}")
+    raise fault
+
+
+def log_of(path: Path) -> Path:
+    """Return the path of a file's write-ahead log."""
+    return Path(f"{path}-wal")
+
+
+def _has_log(path: Path) -> bool:
+    """Whether a file is of the kind that is written with a write-ahead log."""
+    with path.open("rb") as file:
+        return file.read(20)[18:] == b"\2\2"
+
+
+def _state(path: Path | None) -> tuple[int, int, int, int] | None:
+    """Return device, inode, size [bytes] and time of the last change [ns]; None without a file."""
+    try:
+        found = os.stat(path or "")
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
