@@ -65,7 +65,8 @@ One run
     `learn`, which returns `Learned`, and `play`; step by step: `make_case`, `Case`, `make_run`,
     `Result`
 Many runs
-    `compare`, which returns a `Comparison`; step by step: `study`, `Store`, `summarise`, `render`
+    `compare`, which returns a `Comparison`; step by step: `study`, `Store`, `summarise`, `render`;
+    `verify` makes stored runs again and compares them, `merge` unites stores of several machines
 What was learned
     `Policy`, `save_policy`, `load_policy`, `export_policy` (C, ONNX or JSON)
 Gymnasium
@@ -120,12 +121,14 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.reports.tables import render as render
     from upright.studies.case import Case as Case
     from upright.studies.case import make_case as make_case
+    from upright.studies.merge import merge as merge
     from upright.studies.playing import play as play
     from upright.studies.run import make_run as make_run
     from upright.studies.store import Store as Store
     from upright.studies.study import study as study
     from upright.studies.task_file import read_task as read_task
     from upright.studies.task_file import save_task as save_task
+    from upright.studies.verify import verify as verify
 
 __version__ = "0.2.0"
 
@@ -149,11 +152,13 @@ _PLACES = {
     "reports.statistics": ("summarise",),
     "reports.tables": ("render",),
     "studies.case": ("Case", "make_case"),
+    "studies.merge": ("merge",),
     "studies.playing": ("play",),
     "studies.run": ("make_run",),
     "studies.store": ("Store",),
     "studies.study": ("study",),
     "studies.task_file": ("read_task", "save_task"),
+    "studies.verify": ("verify",),
 }
 """Module of each public name, imported when first used: Numba alone takes a second."""
 

@@ -29,6 +29,8 @@ COMMANDS: Registry[Any] = Registry(
         "leaderboard": "upright.commands.leaderboard",
         "robust": "upright.commands.robust",
         "show": "upright.commands.show",
+        "verify": "upright.commands.verify",
+        "merge": "upright.commands.merge",
         "plot": "upright.commands.plot",
         "export": "upright.commands.export",
         "agents": "upright.commands.agents",
@@ -54,6 +56,9 @@ examples:
   upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             the table of a store of runs
   upright show runs.sqlite --each run          the runs themselves, as CSV
+  upright verify runs.sqlite                   some of them made again, and compared bit for bit
+  upright merge a.sqlite b.sqlite --output all.sqlite
+                                               one store of several machines' runs
   upright plot policy results/reinforce.npz    a picture of a trained policy
   upright export policy.npz policy.h           the same in C, for a microcontroller
   upright tune q-learning                      search for better settings

@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import json
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -15,7 +16,12 @@ from upright.errors import UprightError, require_one_of
 from upright.reports import data_files, tables
 from upright.studies.columns import COLUMNS, IDENTITY, TRIAL
 
-FORMATS = {"case": tables.FORMATS, "run": data_files.FORMATS, "trial": data_files.FORMATS}
+FORMATS = {
+    "case": tables.FORMATS,
+    "run": data_files.FORMATS,
+    "trial": data_files.FORMATS,
+    "environment": ("text", "json"),
+}
 """What a row may be, and the formats that it is written in; the first one is the default."""
 
 
@@ -30,6 +36,7 @@ examples:
   upright show runs.sqlite --each run                      the runs themselves, as CSV
   upright show runs.sqlite --each trial --output trials.csv
   upright show runs.sqlite --format parquet --output runs.parquet
+  upright show runs.sqlite --each environment              versions and processors that made them
   upright show policy.npz                its inputs, its output, and the task it was trained on
 columns of runs and trials, which docs/data.md describes; in Python, Store.frame() has the same:
 {_listed("run: " + ", ".join(COLUMNS["run"]))}
@@ -50,7 +57,8 @@ def add_options(parser: Parser) -> None:
         choices=FORMATS,
         metavar="ROW",
         help="what has a row: case, for the table with its statistics; run, for what came out of "
-        "each run; or trial, for the length of each trial (default: case; run for parquet)",
+        "each run; trial, for the length of each trial; or environment, for the versions and "
+        "processors that made the runs (default: case; run for parquet)",
     )
     add(
         parser,
@@ -76,6 +84,8 @@ def run(options: argparse.Namespace) -> int:
     require_one_of(f"format with --each {each}", options.format, FORMATS[each])
     if each == "case":
         _show_table(options)
+    elif each == "environment":
+        _show_environments(options)
     else:
         _show_data(options, each)
     return 0
@@ -106,13 +116,34 @@ def _show_data(options: argparse.Namespace, each: str) -> None:
     if options.format == "parquet" and not options.output:
         raise UprightError("format is 'parquet'; it is not for a screen: name a file with --output")
     with Store(options.source, must_exist=True) as store:
-        _require_runs(options.source, any(True for _ in store.runs()))
+        _require_runs(options.source, store.count() > 0)
         if options.format == "parquet":
             write_file(options.output, data_files.to_parquet(store, each))
             return
         write = data_files.write_csv if options.format == "csv" else data_files.write_json
         with _opened(options.output) as file:
             write(store, each, file)
+
+
+def _show_environments(options: argparse.Namespace) -> None:
+    from upright.studies.recorded_environment import read_environment
+    from upright.studies.store import Store
+
+    with Store(options.source, must_exist=True) as store:
+        found = store.environments()
+    _require_runs(options.source, bool(found))
+    rows = [
+        {"environment": number, "runs": runs, **read_environment(description)}
+        for number, (description, runs) in found.items()
+    ]
+    if options.format == "json":
+        put(json.dumps(rows, indent=2) + "\n", options.output)
+        return
+    texts = (
+        "".join(f"{name:<12} {value or 'not recorded'}\n" for name, value in row.items())
+        for row in rows
+    )
+    put("\n".join(texts), options.output)
 
 
 def _require_runs(path: str, found: bool) -> None:

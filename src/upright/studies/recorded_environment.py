@@ -3,7 +3,6 @@
 import json
 import platform
 import re
-from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,6 +17,7 @@ PARTS = {
     "numpy": "Version of NumPy.",
     "numba": "Version of Numba.",
     "llvmlite": "Version of llvmlite, which makes the machine code.",
+    "host": "Name of the machine.",
     "platform": "Operating system and architecture.",
     "libc": "C library.",
     "processor": "Name of the processor.",
@@ -35,6 +35,7 @@ def present_environment() -> str:
         "sources": sources_hash(),
         "python": platform.python_version(),
         **libraries,
+        "host": platform.node(),
         "platform": platform.platform(),
         "libc": " ".join(platform.libc_ver()).strip(),
         **_processor(),
@@ -43,24 +44,30 @@ def present_environment() -> str:
 
 
 def read_environment(description: str) -> dict[str, str]:
-    """Return the parts of an environment from its JSON; those that it lacks are empty.
-
-    Raises
-    ------
-    ValueError
-        If it is not the JSON of an environment.
-    """
-    parts = json.loads(description)
-    if not isinstance(parts, dict):
-        raise ValueError("it is not an object")
-    return {name: str(parts.get(name, "")) for name in PARTS}
+    """Return the parts of an environment from its JSON; those that are not known are empty."""
+    try:
+        parts = json.loads(description)
+    except (ValueError, RecursionError):
+        parts = {}
+    known = parts if isinstance(parts, dict) else {}
+    return {name: str(known.get(name, "")) for name in PARTS}
 
 
-def differences(recorded: Mapping[str, str], present: Mapping[str, str]) -> list[str]:
-    """Return what differs between two environments, in words."""
+def in_words(description: str) -> str:
+    """Return an environment on a line, from its JSON."""
+    parts = read_environment(description)
+    if not any(parts.values()):
+        return "environment not recorded"
+    versions = (f"{name} {parts[name]}" for name in ("upright", "python", "numpy", "numba"))
+    return ", ".join([parts["host"], parts["processor"], parts["platform"], *versions])
+
+
+def differences(recorded: str, present: str) -> list[str]:
+    """Return what differs between two environments, given as JSON: a text for each part."""
+    recorded_parts, present_parts = map(read_environment, (recorded, present))
     found = []
     for name in PARTS:
-        ours, theirs = recorded[name], present[name]
+        ours, theirs = recorded_parts[name], present_parts[name]
         if ours == theirs:
             continue
         if name == "features":
@@ -68,7 +75,7 @@ def differences(recorded: Mapping[str, str], present: Mapping[str, str]) -> list
                 {*a.split(",")} - {*b.split(",")} for a, b in ((ours, theirs), (theirs, ours))
             )
             ours, theirs = (",".join(sorted(each)) or "no others" for each in (gone, new))
-        found.append(f"{name}: {ours or 'unknown'}, here {theirs or 'unknown'}")
+        found.append(f"{name}: {ours or '-'}, here {theirs or '-'}")
     return found
 
 

@@ -11,7 +11,7 @@ from itertools import count as count_up
 from itertools import groupby
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from upright import __version__
 from upright.core.trials import Result
@@ -23,13 +23,24 @@ from upright.studies.recorded_environment import present_environment
 from upright.studies.records import describe_case, make_frame
 from upright.studies.schema import FORMS, NEWEST, Form, form_of, prepare, put
 from upright.studies.stored_run import StoredRun, as_result, as_stored, key_checksum
-from upright.support.words import count
+from upright.support import words
 
 if TYPE_CHECKING:
     import pandas
 
 COLUMNS = ", ".join(StoredRun._fields)
 """The columns of a run but for the lengths of its trials, for queries."""
+
+
+class Version(NamedTuple):
+    """A run as it is in one place."""
+
+    place: str
+    """Where that is, such as the path of a store."""
+    result: Result
+    """What came out."""
+    environment: str
+    """What it was made with, as JSON; empty if that is not known."""
 
 
 class Store:
@@ -79,7 +90,7 @@ class Store:
         elif not os.access(Path(path).parent, os.W_OK):
             raise UprightError(f"store is {str(path)!r}; its folder cannot be written to")
 
-    def __enter__(self) -> "Store":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,7 +103,7 @@ class Store:
         except UprightError:  # it is closed, or another thread's
             return f"Store({place})"
         cases, runs = rows[0] if rows else (0, 0)
-        return f"Store({place}, {count(cases, 'case')}, {count(runs, 'run')})"
+        return f"Store({place}, {words.count(cases, 'case')}, {words.count(runs, 'run')})"
 
     def _open_to_read(self, path: Path) -> None:
         database = open_to_read(path)
@@ -258,9 +269,10 @@ class Store:
                 (on_damage or self._refuse)(damage)
 
     def _refuse(self, damage: str) -> None:
-        raise self._fault(f"it is damaged in {damage}; upright verify lists all that is damaged")
+        raise self.fault(f"it is damaged in {damage}; upright verify lists all that is damaged")
 
-    def _fault(self, text: str) -> UprightError:
+    def fault(self, text: str) -> UprightError:
+        """Return the error which says this of the file."""
         assert self._database is not None
         return self._database.fault(text)
 
@@ -268,8 +280,29 @@ class Store:
         """Return the keys of all cases by their numbers."""
         keys = dict(self._rows("SELECT id, key FROM cases"))
         if not all(isinstance(key, str) for key in keys.values()):
-            raise self._fault("it is damaged: the key of a case is not text")
+            raise self.fault("it is damaged: the key of a case is not text")
         return keys
+
+    def count(self) -> int:
+        """Return the number of all runs."""
+        return sum(number for (number,) in self._rows("SELECT count(*) FROM {runs}"))
+
+    def find(self, key: str, seed: int, run: int) -> Version | None:
+        """Return a finished run, with what it was made with; None if it is not there."""
+        for (case,) in self._rows("SELECT id FROM cases WHERE key = ?", (key,)):
+            where = "WHERE case_id = ? AND seed = ? AND run = ?"
+            for _, row, lengths in self._checked({case: key}, where, (case, seed, run)):
+                query = "SELECT description FROM {environments} WHERE id = ?"
+                known = self._rows(query, (row.environment,))
+                made_with = str(known[0][0]) if known else ""
+                return Version(str(self.path), as_result(row, lengths), made_with)
+        return None
+
+    def damage(self) -> Iterator[str]:
+        """Yield what is damaged in the structure of the file, in words."""
+        for (text,) in self._rows("PRAGMA integrity_check"):
+            if text != "ok":
+                yield str(text)
 
     def each_run(
         self, on_damage: Callable[[str], None] | None = None
@@ -360,7 +393,7 @@ class Store:
         keys = self._keys()
         rows = self._rows("SELECT DISTINCT case_id, seed FROM {runs} ORDER BY case_id, seed")
         if not all(case in keys for case, _ in rows):
-            raise self._fault("it is damaged: the key of a case is missing")
+            raise self.fault("it is damaged: the key of a case is missing")
         return [(self._values(keys[case]), keys[case], seed) for case, seed in rows]
 
     def case(self, key: str) -> Case:
@@ -376,7 +409,7 @@ class Store:
         except CodeError:
             raise
         except UprightError as error:
-            raise self._fault(f"a case in it cannot be read: {error}") from None
+            raise self.fault(f"a case in it cannot be read: {error}") from None
 
     def _values(self, key: str) -> dict[str, Any]:
         """Return a key as data."""
@@ -385,7 +418,7 @@ class Store:
         except (ValueError, RecursionError):
             values = None
         if not isinstance(values, dict):
-            raise self._fault("it is damaged: the key of a case is not the JSON of one")
+            raise self.fault("it is damaged: the key of a case is not the JSON of one")
         return values
 
     def environments(self) -> dict[int, tuple[str, int]]:
