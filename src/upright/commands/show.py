@@ -140,8 +140,8 @@ def _show_environments(options: argparse.Namespace) -> None:
         put(json.dumps(rows, indent=2) + "\n", options.output)
         return
     texts = (
-        "".join(f"{name:<12} {value or 'not recorded'}\n" for name, value in row.items())
-        for row in rows
+        "".join(f"{name:<12} {'not recorded' if value == '' else value}\n" for name, value in each)
+        for each in map(dict.items, rows)
     )
     put("\n".join(texts), options.output)
 

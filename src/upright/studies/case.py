@@ -14,7 +14,7 @@ from upright.agents.custom import name_of
 from upright.core.conditions import NOISES, condition_of
 from upright.core.contracts import AnyAgent
 from upright.core.task import TaskSpec
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require_kind, require_one_of
 from upright.plants import PLANTS, describe_plant, plant_settings, restore_plant
 from upright.plants.equations import EQUATIONS
 from upright.plants.settings import AnyPlant, PlantSettings
@@ -171,7 +171,11 @@ class Case:
         for name in values:
             require_one_of("part of a case", name, PARTS)
         try:
-            return cls._from_parts(values)
+            for name in ("agent", "label"):
+                require_kind(name, values[name], str, "a name")
+            case = cls._from_parts(values)
+            hash(case)  # raises if a value is of a wrong type
+            return case
         except UprightError:
             raise
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):

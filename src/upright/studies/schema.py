@@ -184,17 +184,24 @@ def put(
     environment
         Description of what it was made with; None if that is not known.
     """
-    case = _number(database, "cases", "key", key)
+    case = _number(database, "cases", "key", key, "(SELECT max(case_id) FROM runs)")
     known = environment and _number(database, "environments", "description", environment)
     row = row._replace(environment=known or None, checksum=row.checksum_under(key_checksum(key)))
     _insert(database, case, row, lengths)
 
 
-def _number(database: Database, table: str, column: str, text: str) -> int:
-    """Return the number of a text in a table, which gets it if it does not have it."""
+def _number(database: Database, table: str, column: str, text: str, last: str = "0") -> int:
+    """Return the number of a text in a table, which gets it if it does not have it.
+
+    A new number is above that of the last use, whose text may be missing in a damaged file.
+    """
     query = f"SELECT id FROM {table} WHERE {column} = ?"
     if not (found := database.rows(query, (text,))):
-        database.run(f"INSERT INTO {table} ({column}) VALUES (?)", (text,))
+        database.run(
+            f"INSERT INTO {table} (id, {column}) "
+            f"SELECT 1 + max(coalesce(max(id), 0), coalesce({last}, 0)), ? FROM {table}",
+            (text,),
+        )
         found = database.rows(query, (text,))
     number: int = found[0][0]
     return number
