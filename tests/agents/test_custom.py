@@ -6,7 +6,6 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import asdict
-from pathlib import Path
 from textwrap import dedent
 
 import numpy as np
@@ -19,7 +18,7 @@ from upright.agents.checks.contract import is_learner
 from upright.agents.custom import CustomAgent
 from upright.commands import run
 from upright.core import loops, trials
-from upright.core.compiled import CACHE_FOLDER, explain
+from upright.core.compiled import explain
 from upright.core.parameters import State
 from upright.environments.trial_protocol import run_learner
 from upright.errors import AgentError, UprightError
@@ -33,6 +32,7 @@ from upright.studies.run import choose_loop, make_run
 from upright.studies.store import Store
 from upright.studies.study import _workers, study
 from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED, INTERRUPTED
+from upright.support.machine_code import cache_folder
 
 EXAMPLES = ("examples.plain_agent:PlainAgent", "examples.compiled_agent:hill_climber")
 
@@ -564,7 +564,7 @@ def test_tuning_a_custom_agent_is_refused_in_one_line(write, capsys):
 @pytest.mark.slow
 def test_kernels_of_custom_agents_are_not_kept_on_disk(compiled_case):
     make_run(make_case("random-search", steps=10, trials=1), 0, 0)  # so that its kernel is on disk
-    folder = Path(CACHE_FOLDER)
+    folder = cache_folder()
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert before
     case = make_case(compiled_case.agent, steps=300, trials=3)

@@ -88,9 +88,52 @@ def test_a_temporary_cache_serves_where_the_usual_folders_are_read_only(tmp_path
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"])
 def test_kernels_are_cached_in_the_user_folder(variable, tmp_path):
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", variable: str(tmp_path)}
-    ended = python("from upright.core.compiled import CACHE_FOLDER; print(CACHE_FOLDER)", **places)
+    code = "from upright.support.machine_code import cache_folder; print(cache_folder())"
+    ended = python(code, **places)
     assert Path(ended.stdout.strip()).is_relative_to(tmp_path)
     assert Path(ended.stdout.strip()).name == f"kernels-{sources_hash()}"
+
+
+# --------------------------------------------------------------------------- forms of compilation
+
+BEYOND = """
+import numpy as np
+from upright.core.compiled import compiled
+
+
+@compiled
+def element(array, i):
+    return array[i]
+
+
+@compiled
+def of_element(array, i):
+    return element(array, i) + 1.0
+
+
+for function in (element, of_element):
+    try:
+        function(np.zeros(3), 3)
+    except IndexError as error:
+        print(error)
+"""
+
+
+@pytest.mark.slow
+def test_a_variable_of_numba_has_all_indices_checked(tmp_path):
+    """Also where nothing else checks anything: in functions that are inlined into others."""
+    ended = python(BEYOND, NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path))
+    assert ended.stdout == "index is out of bounds\n" * 2, ended.stderr
+
+
+def test_a_variable_of_numba_turns_the_compiler_off(tmp_path):
+    code = f"{STEP}\nfrom upright.core.compiled import machine_code\n"
+    code += "arguments = Parameters(), State(0.0, 0.1, 0.2, 0.3), 10.0\n"
+    code += "print(machine_code(step, *arguments)(*arguments))"
+    ended = python(code, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(tmp_path))
+    assert ended.returncode == 0, ended.stderr
+    first, second = ended.stdout.splitlines()
+    assert first == second
 
 
 # ------------------------------------------------------------------------------ kinds of agents

@@ -2,3 +2,7 @@
 
 May import `upright.support` and `upright.errors`; nothing here knows any particular agent.
 """
+
+from upright.support.memory import require_memory
+
+require_memory()

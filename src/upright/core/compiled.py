@@ -6,7 +6,8 @@
 - the global interpreter lock released, so that threads run in parallel on all cores;
 - no reference counting and no allocation within compiled code;
 - machine code cached on disk, in a folder named after a digest of the package's sources: Numba
-  alone would not notice a change of a function in *another* file.
+  alone would not notice a change of a function in *another* file. Its own cache also believes
+  whatever it finds, and loses entries when several processes compile at once.
 """
 
 import functools
@@ -20,13 +21,12 @@ import numba
 from numba import types
 from numba.extending import overload_method
 
+from upright.core.code_cache import CodeCache
 from upright.support.files import PACKAGE
-from upright.support.machine_code import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-CACHE_FOLDER = str(cache_folder())
+COMPILES = not cast(Any, numba.config).DISABLE_JIT
+"""Whether Numba compiles at all: the variable NUMBA_DISABLE_JIT turns that off."""
 
 
 class Compiled:
@@ -58,26 +58,28 @@ class Compiled:
         self._numba_type_ = types.Dispatcher(self._inner)
         # Only this form is cached on disk, together with everything it calls. Numba looks cached
         # code up by name and types alone, and would confuse the two forms.
-        self._outer = function if small else _jit(function, cache=kept, no_cfunc_wrapper=True)
+        self._outer = function if small else _jit(function, kept=kept, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
         return self._outer(*arguments)
 
+    @property
+    def signatures(self) -> list[Any]:
+        """For which types compiled code calls it so far; none with Numba's compiler off."""
+        return getattr(self._inner, "nopython_signatures", [])
+
     def __get__(self, instance: object, owner: type | None = None) -> Any:
         return self if instance is None else MethodType(self, instance)
 
 
-def _jit(function: Callable[..., Any], **options: bool) -> Any:
-    config: Any = numba.config  # Numba's global settings, which other packages use too
+def _jit(function: Callable[..., Any], *, kept: bool = False, **options: bool) -> Any:
     njit: Any = numba.njit
-    saved, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
-    try:
-        ours = PACKAGE in Path(function.__code__.co_filename).parents
-        options["cache"] = options.get("cache", False) and ours
-        return njit(nogil=True, error_model="numpy", **options)(function)
-    finally:
-        config.CACHE_DIR = saved
+    dispatcher = njit(nogil=True, error_model="numpy", **options)(function)
+    ours = PACKAGE in Path(function.__code__.co_filename).parents
+    if kept and ours and COMPILES:
+        dispatcher._cache = CodeCache(function)  # what its enable_caching() does with Numba's own
+    return dispatcher
 
 
 def compiled(function: F) -> F:
@@ -127,10 +129,11 @@ def machine_code(function: F, *arguments: Any) -> F:
     """Return the machine code of a compiled function for arguments of these types.
 
     Calling it takes a quarter of the time, because argument types are not checked: they must be
-    the same as those given here.
+    the same as those given here. (With Numba's compiler off, it is the function itself.)
     """
     outer: Any = cast(Compiled, function)._outer
-    return cast(F, outer.compile(tuple(map(numba.typeof, arguments))))
+    kinds = tuple(map(numba.typeof, arguments))
+    return cast(F, outer.compile(kinds) if COMPILES else outer)
 
 
 def is_compiled(thing: object) -> bool:

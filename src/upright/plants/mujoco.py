@@ -23,7 +23,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from upright.core.cartpole import has_fallen
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import COMPILES, compiled, inlined
 from upright.core.conditions import condition_of
 from upright.core.contracts import Plant
 from upright.core.parameters import LARGEST, Parameters, State, check_parameters
@@ -237,7 +237,12 @@ def _call_at(typing_context, function, model, data):  # type: ignore[no-untyped-
     return types.none(types.intp, types.intp, types.intp), generate
 
 
-_call: Any = intrinsic(_call_at)
+def _call_plainly(function: int, model: int, data: int) -> None:
+    """Do the same in plain Python."""
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(function)(model, data)
+
+
+_call: Any = intrinsic(_call_at) if COMPILES else _call_plainly
 """Calls a C function of model and data. All addresses are arguments, because compiled code that is
 cached on disk must not contain any."""
 

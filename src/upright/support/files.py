@@ -46,9 +46,32 @@ def digest(paths: Iterable[Path], folder: Path) -> str:
     return sha.hexdigest()[:12]
 
 
+def home(path: str) -> Path:
+    """Return a path with the home of a user in place of a ~ at its beginning.
+
+    Raises
+    ------
+    UprightError
+        If it is not known where that is.
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        place = os.environ.get("HOME")
+        raise UprightError(
+            f"path is {path!r}; it begins in a home folder that is not known, as HOME is {place!r}"
+        ) from None
+
+
 def user_cache() -> Path:
-    """Return the folder for what can be rebuilt or downloaded again; it need not exist yet."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "upright"
+    """Return the folder for what can be rebuilt or downloaded again; it need not exist yet.
+
+    Raises
+    ------
+    UprightError
+        If the user has no home, and XDG_CACHE_HOME names no folder instead.
+    """
+    return home(os.environ.get("XDG_CACHE_HOME") or "~/.cache").absolute() / "upright"
 
 
 # ------------------------------------------------------------------------------ before the work

@@ -229,7 +229,7 @@ def check_returned_type(agent: Any, name: str) -> None:
 
     Its type is known once the loop has been compiled.
     """
-    for signature in type(agent).act._inner.nopython_signatures:
+    for signature in type(agent).act.signatures:
         returned = signature.return_type
         if signature.args[0].instance_class is not type(agent):
             continue

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from upright.errors import UprightError
-from upright.support.files import digest, user_cache
+from upright.support.files import digest, home, user_cache
+from upright.support.private_folders import changeable
 
 CHOICE = "UPRIGHT_GAZEBO"
 """Environment variable that names another private folder."""
@@ -65,7 +66,8 @@ def find_gazebo() -> Installation:
     Raises
     ------
     UprightError
-        If there is none, or its plugin is not built, or was built from other sources.
+        If there is none, its plugin is not built or was built from other sources, or another user
+        could change either.
     """
     program = find_program()
     if program is None:
@@ -75,6 +77,7 @@ def find_gazebo() -> Installation:
         others = plugin.parents[1].glob(f"*/{LIBRARY}")
         state = "was built from other sources" if any(others) else "is not built"
         raise UprightError(f"Gazebo's plugin {state}; {INSTALL} builds it")
+    _check_is_ours(plugin)
     return Installation(
         program.server,
         program.root / "bin/gzclient",
@@ -85,7 +88,13 @@ def find_gazebo() -> Installation:
 
 
 def find_program() -> Program | None:
-    """Return the Gazebo 11 that is installed on the machine, or else the unpacked one, or None."""
+    """Return the Gazebo 11 that is installed on the machine, or else the unpacked one, or None.
+
+    Raises
+    ------
+    UprightError
+        If the unpacked one does not run, or another user could change it.
+    """
     prefix = private_folder() / "prefix"
     server = shutil.which("gzserver")
     if server and prefix not in Path(server).parents:
@@ -94,6 +103,7 @@ def find_program() -> Program | None:
             return Program(Path(server).parents[1], None, version)
     if not complete_mark().exists():
         return None
+    _check_is_ours(prefix / "usr/bin/gzserver")
     version = version_of(prefix / "usr/bin/gzserver", environment(prefix, None))
     if not version:
         raise UprightError(
@@ -101,6 +111,19 @@ def find_program() -> Program | None:
             f"{INSTALL} install it again"
         )
     return Program(prefix / "usr", prefix, version)
+
+
+def _check_is_ours(program: Path) -> None:
+    """Raise UprightError if another user could change a program in the private folder."""
+    try:
+        other = changeable(program.resolve())
+    except OSError:  # it is not there, and does not run
+        return
+    if other:
+        raise UprightError(
+            f"folder is {str(private_folder())!r}; others may change {str(other)!r}, so Gazebo is "
+            "not run from there"
+        )
 
 
 def version_of(server: Path, additions: dict[str, str]) -> str:
@@ -124,7 +147,7 @@ def version_of(server: Path, additions: dict[str, str]) -> str:
 def private_folder() -> Path:
     """Return the folder for downloaded packages and the plugin; it need not exist yet."""
     chosen = os.environ.get(CHOICE)
-    return Path(chosen).expanduser().absolute() if chosen else user_cache() / "gazebo-11"
+    return home(chosen).absolute() if chosen else user_cache() / "gazebo-11"
 
 
 def complete_mark() -> Path:

@@ -34,6 +34,7 @@ from upright.plants.gazebo.installation import (
     private_folder,
     sources,
 )
+from upright.support.private_folders import make_private
 
 SUITE = "bullseye"
 """Debian's name of its version 11."""
@@ -161,7 +162,7 @@ def _alone() -> Iterator[None]:
 
     folder = private_folder()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private(folder)
         lock = open(folder / "lock", "w")  # noqa: SIM115 - closed below
     except OSError as error:
         raise UprightError(
