@@ -35,7 +35,3 @@ def test_with_enough_memory_a_study_ends_well():
 
     ended = limited(ITSELF + EACH_THREAD * os.cpu_count() + 50_000, TABLE)
     assert ended.returncode == 0, ended.stderr
-
-
-def test_what_needs_no_compiler_needs_no_memory():
-    assert limited(200_000, "--version").returncode == 0

@@ -43,7 +43,7 @@ import numpy as np
 from upright.agents.parts import policy_form
 from upright.agents.parts.history import BLOCK, set_newest, shift, unchanged
 from upright.agents.parts.least_squares import factorise, solve
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -147,7 +147,7 @@ class AdaptiveLQRAgent(NamedTuple):
         return policy_form.Network((policy_form.Layer(weights, "above zero"),), past=past)
 
 
-@compiled
+@inlined
 def best_push(agent, observation):
     """Return -K z, the push that the design asks for: any number, of which the sign counts."""
     gains, regressor = agent.gains, agent.regressor
@@ -163,7 +163,7 @@ def best_push(agent, observation):
     return push
 
 
-@compiled
+@inlined
 def fit_and_design(agent):
     """Fit the model to all data, and find the gains of the best control for it."""
     fit_model(agent)
@@ -174,7 +174,7 @@ def fit_and_design(agent):
 # ---- The model: recursive least squares ----------------------------------------------------------
 
 
-@compiled
+@inlined
 def add_sample(agent, before, after):
     """Add one step to the moments."""
     moments, targets, regressor = agent.moments, agent.targets, agent.regressor
@@ -188,7 +188,7 @@ def add_sample(agent, before, after):
     agent.samples[0] += 1.0
 
 
-@compiled
+@inlined
 def fit_model(agent):
     """Fit the model: o' - o is the regression on w."""
     factorise(agent.moments, agent.factor)
@@ -197,7 +197,7 @@ def fit_model(agent):
         agent.model[row, 1 + row] += 1.0
 
 
-@compiled
+@inlined
 def forget(agent):
     """Let the data count for fewer samples; the prior belief stays."""
     moments, targets, ridge = agent.moments, agent.targets, agent.ridge
@@ -214,7 +214,7 @@ def forget(agent):
 # ---- The control: the Riccati recursion ----------------------------------------------------------
 
 
-@compiled
+@inlined
 def design_control(design, model, gains):
     """Set the gains K of the best control for the model, over the horizon."""
     # After the last step nothing costs any more: H = diag(R, Q)
@@ -225,7 +225,7 @@ def design_control(design, model, gains):
     set_gains(design, gains)
 
 
-@compiled
+@inlined
 def riccati_step(design, model, gains):
     """Go one step back in time: from the H of a step to the H of the step before."""
     set_gains(design, gains)
@@ -235,7 +235,7 @@ def riccati_step(design, model, gains):
     add_step_costs(design)
 
 
-@compiled
+@inlined
 def set_gains(design, gains):
     """Set K = H_u· / H_uu, the gains of the best present push."""
     h = design.q_matrix
@@ -243,7 +243,7 @@ def set_gains(design, gains):
         gains[i] = h[0, i] / h[0, 0]
 
 
-@compiled
+@inlined
 def set_cost_to_go(design, gains):
     """Set V = H - H_·u K, the cost to go when the best push is made."""
     h, v = design.q_matrix, design.cost_to_go
@@ -252,7 +252,7 @@ def set_cost_to_go(design, gains):
             v[i, j] = h[i, j] - h[i, 0] * gains[j]
 
 
-@compiled
+@inlined
 def multiply_by_model(design, model):
     """Set V M: four rows of M are the model, which sets z's first block, all others shift."""
     v, vm = design.cost_to_go, design.cost_to_go_times_model
@@ -266,7 +266,7 @@ def multiply_by_model(design, model):
             vm[i, j] += v[i, j + BLOCK]
 
 
-@compiled
+@inlined
 def multiply_by_transposed_model(design, model):
     """Set H = Mᵀ V M, the cost to go one step earlier."""
     h, vm = design.q_matrix, design.cost_to_go_times_model
@@ -281,7 +281,7 @@ def multiply_by_transposed_model(design, model):
                 h[i, j] += vm[i + BLOCK, j]
 
 
-@compiled
+@inlined
 def add_step_costs(design):
     """Add diag(R, Q), the costs of one step, to H."""
     design.q_matrix[0, 0] += design.push_cost

@@ -39,7 +39,7 @@ from upright.agents.parts.boxes import (
     make_boxes,
     tabulate,
 )
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -116,7 +116,7 @@ class AseAceAgent(NamedTuple):
         return tabulate(self.boxes, self.push_probability)
 
 
-@compiled
+@inlined
 def find_place(agent, observation):
     """Return the box of a measurement and 1, or the box of its mirror image and -1."""
     box = find_box(agent.boxes, observation)
@@ -124,7 +124,7 @@ def find_place(agent, observation):
     return (image, -1.0) if agent.mirrored and image < box else (box, 1.0)
 
 
-@compiled
+@inlined
 def add_traces(agent, box, y):
     """Add to the traces of a box that is left by the push y, 1 or -1."""
     if agent.visit_traces[box] == 0.0 and agent.push_traces[box] == 0.0:
@@ -135,7 +135,7 @@ def add_traces(agent, box, y):
     agent.visit_traces[box] += 1.0 - agent.critic_trace_decay
 
 
-@compiled
+@inlined
 def update(agent, r_hat):
     """Move weights and predictions by r̂."""
     for i in range(agent.traced_count[0]):
@@ -145,7 +145,7 @@ def update(agent, r_hat):
         agent.predictions[b] += agent.critic_learning_rate * r_hat * agent.visit_traces[b]
 
 
-@compiled
+@inlined
 def decay_traces(agent):
     """Let the traces decay for the next step, and drop the boxes where they are negligible."""
     kept = 0

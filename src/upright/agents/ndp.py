@@ -28,7 +28,7 @@ import numpy as np
 
 from upright.agents.parts import policy_form
 from upright.agents.parts.scales import check_scales, scales_of
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.errors import require, require_one_of
 from upright.support.short_repr import short_repr
 
@@ -180,14 +180,14 @@ class DirectNDPAgent(NamedTuple):
 # ---- Learning ------------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def train_critic(critic, step):
     """Move the critic's weights by ∂J/∂w_c, and evaluate it again."""
     descend(critic, step)
     evaluate(critic)
 
 
-@compiled
+@inlined
 def train_action(action, critic, step):
     """Move the action network's weights by ∂J/∂u ∂u/∂w_a, and evaluate both again."""
     dj_du = 0.0
@@ -197,7 +197,7 @@ def train_action(action, critic, step):
     evaluate_both(action, critic)
 
 
-@compiled
+@inlined
 def descend(network, step):
     """Move a network's weights by `step` times the gradient of its output, downwards."""
     for k in range(len(network.units)):
@@ -207,7 +207,7 @@ def descend(network, step):
             network.layer_1[i, k] -= error * network.inputs[i]
 
 
-@compiled
+@inlined
 def limit(network, largest):
     """Scale down layers whose weights have grown too large; return whether any had."""
     first = scale_down(network.layer_1, largest)
@@ -215,7 +215,7 @@ def limit(network, largest):
     return first or second
 
 
-@compiled
+@inlined
 def scale_down(layer, largest):
     """Divide a layer's weights by the largest of them if that is beyond the limit."""
     top = 0.0
@@ -229,7 +229,7 @@ def scale_down(layer, largest):
     return top > largest
 
 
-@compiled
+@inlined
 def learning_rate(rate):
     """Return the learning rate l of this step."""
     fall = rate.decrement * (rate.steps[0] // rate.interval)
@@ -239,7 +239,7 @@ def learning_rate(rate):
 # ---- The networks --------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def squash(y):
     """Return a unit's output, φ(y) = (1 - e^-y) / (1 + e^-y) = tanh(y/2), to 1e-15.
 
@@ -257,13 +257,13 @@ def squash(y):
     return n / d
 
 
-@compiled
+@inlined
 def squash_slope(output):
     """Return the derivative of `squash`, φ' = ½ (1 - φ²), from the unit's output."""
     return 0.5 * (1.0 - output * output)
 
 
-@compiled
+@inlined
 def evaluate(network):
     """Set a network's output to the sum over its hidden units, for its inputs."""
     for k in range(len(network.units)):
@@ -279,7 +279,7 @@ def evaluate(network):
     network.output[0] = total
 
 
-@compiled
+@inlined
 def evaluate_both(action, critic):
     """Evaluate the action network, then the critic with φ(u) as its last input."""
     evaluate(action)
@@ -287,7 +287,7 @@ def evaluate_both(action, critic):
     evaluate(critic)
 
 
-@compiled
+@inlined
 def evaluate_at(agent, observation):
     """Evaluate both networks at a measurement."""
     for i in range(4):
@@ -298,7 +298,7 @@ def evaluate_at(agent, observation):
 # ---- Fresh weights -------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def has_stalled(history):
     """Return whether the last trials were all about as long."""
     lengths = history.lengths
@@ -308,7 +308,7 @@ def has_stalled(history):
     return history.trials[0] >= STALLED_TRIALS and longest - shortest <= STALLED_STEPS
 
 
-@compiled
+@inlined
 def is_promising(history):
     """Return whether the last trial was long, and longer than the one before with these weights."""
     trials, lengths = history.trials[0], history.lengths
@@ -317,7 +317,7 @@ def is_promising(history):
     return last >= PROMISING_STEPS and last > previous
 
 
-@compiled
+@inlined
 def draw(network, init_range, rng):
     """Draw new weights."""
     for layer in (network.layer_1, network.layer_2):

@@ -35,7 +35,7 @@ from upright.agents.parts.boxes import (
     make_boxes,
     tabulate,
 )
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -103,20 +103,20 @@ class QLearningAgent(NamedTuple):
 # ---- The table -----------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def entry(agent, box, action):
     """Return the place of a box and a push in the table, the same for their mirror image."""
     place = 2 * box + (1 if action else 0)
     return min(place, len(agent.table) - 1 - place) if agent.mirrored else place
 
 
-@compiled
+@inlined
 def right_is_better(agent, box):
     """Return whether the table prefers a push to the right; of equals the left one is taken."""
     return agent.table[entry(agent, box, True)] > agent.table[entry(agent, box, False)]
 
 
-@compiled
+@inlined
 def best_value(agent, box):
     """Return max_a Q(b, a), the value of the better push in a box."""
     return max(agent.table[entry(agent, box, False)], agent.table[entry(agent, box, True)])
@@ -125,7 +125,7 @@ def best_value(agent, box):
 # ---- As published: learn at every step -----------------------------------------------------------
 
 
-@compiled
+@inlined
 def learn_at_once(agent, place, next_box):
     """Change the value of a box and a push by the move that they led to."""
     # Q(b, a) ← Q(b, a) + α (r + γ max_a' Q(b', a') - Q(b, a))
@@ -136,7 +136,7 @@ def learn_at_once(agent, place, next_box):
 # ---- Tuned: replay after a fall ------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def keep_move(agent, place, next_box):
     """Keep a move, in place of the oldest if there is no more room."""
     row = agent.moves[0] % len(agent.move_boxes)
@@ -145,7 +145,7 @@ def keep_move(agent, place, next_box):
     agent.moves[0] += 1
 
 
-@compiled
+@inlined
 def replay(agent):
     """Learn from the kept moves, the newest first."""
     discount, trace_decay = agent.discount, agent.trace_decay

@@ -45,7 +45,7 @@ from upright.agents.parts.network import (
     sigmoid,
 )
 from upright.agents.parts.scales import check_scales, scales_of
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.errors import require, require_one_of
 from upright.support.short_repr import short_repr
 
@@ -144,7 +144,7 @@ class ReinforceAgent(NamedTuple):
 # ---- The policy gradient -------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def set_policy_gradient(agent, first):
     """Set the mean of ρ A ∇ log π(a | o) over every stride-th remembered step, from `first` on."""
     gradient, network, units = agent.gradient, agent.network, agent.units
@@ -169,7 +169,7 @@ def set_policy_gradient(agent, first):
             add_gradient(gradient, network, units, weight * dlogpi_dlogit * logit_scale)
 
 
-@compiled
+@inlined
 def set_advantages(episodes, baseline, discount, fits_baseline):
     """Set A of every remembered step: G less V, or less the mean G, normalised over all steps."""
     # G_t - V(o_t), from the last step of each episode backwards
@@ -198,7 +198,7 @@ def set_advantages(episodes, baseline, discount, fits_baseline):
 # ---- The baseline V ------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
 def fit_baseline(baseline, episodes, discount):
     """Fit V to the newest episode's returns, and ever less to the ones before."""
     features, moments, targets = baseline.features, baseline.moments, baseline.targets
@@ -224,7 +224,7 @@ def fit_baseline(baseline, episodes, discount):
     solve(baseline.factor, targets, baseline.coefficients)
 
 
-@compiled
+@inlined
 def set_features(features, inputs):
     """Set the features: a constant, and the products of two inputs."""
     features[0] = 1.0
@@ -235,7 +235,7 @@ def set_features(features, inputs):
             index += 1
 
 
-@compiled
+@inlined
 def expected_return(baseline, inputs):
     """Return V of the inputs; returns lie between -1 and 0."""
     set_features(baseline.features, inputs)

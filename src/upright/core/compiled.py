@@ -11,6 +11,7 @@
 """
 
 import functools
+import inspect
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -19,12 +20,18 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.core.errors import NumbaError
 from numba.extending import overload_method
 
 from upright.core.code_cache import CodeCache
+from upright.core.parameters import State
+from upright.errors import UprightError, require_kind
 from upright.support.files import PACKAGE
 
 F = TypeVar("F", bound=Callable[..., Any])
+MEASURED = ("observation", "before", "after")
+"""Names of parameters that are a `State`, whose numbers agents may read by index."""
+Check = TypeVar("Check", bound=Callable[..., None])
 COMPILES = not cast(Any, numba.config).DISABLE_JIT
 """Whether Numba compiles at all: the variable NUMBA_DISABLE_JIT turns that off."""
 
@@ -59,10 +66,31 @@ class Compiled:
         # Only this form is cached on disk, together with everything it calls. Numba looks cached
         # code up by name and types alone, and would confuse the two forms.
         self._outer = function if small else _jit(function, kept=kept, no_cfunc_wrapper=True)
+        self._explains = kept and not small and _is_ours(function)
+        self._guard: Callable[..., None] | None = None
+        names = function.__code__.co_varnames[: function.__code__.co_argcount]
+        if self._explains and not set(names).isdisjoint(MEASURED):
+            self._guard = self._require_states
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
-        return self._outer(*arguments)
+        if self._guard is not None:
+            self._guard(*arguments)
+        try:
+            return self._outer(*arguments)
+        except NumbaError as error:
+            if not self._explains:
+                raise
+            kinds = ", ".join(type(argument).__name__ for argument in arguments)
+            raise UprightError(
+                f"{self.py_func.__qualname__} is called with ({kinds}); it takes "
+                f"{inspect.signature(self.py_func)}: {explain(error)}"
+            ) from error
+
+    def _require_states(self, *arguments: Any) -> None:
+        for name, argument in zip(self.py_func.__code__.co_varnames, arguments, strict=False):
+            if name in MEASURED:
+                require_kind(name, argument, State, "a State")
 
     @property
     def signatures(self) -> list[Any]:
@@ -73,11 +101,14 @@ class Compiled:
         return self if instance is None else MethodType(self, instance)
 
 
+def _is_ours(function: Callable[..., Any]) -> bool:
+    return PACKAGE in Path(function.__code__.co_filename).parents
+
+
 def _jit(function: Callable[..., Any], *, kept: bool = False, **options: bool) -> Any:
     njit: Any = numba.njit
     dispatcher = njit(nogil=True, error_model="numpy", **options)(function)
-    ours = PACKAGE in Path(function.__code__.co_filename).parents
-    if kept and ours and COMPILES:
+    if kept and COMPILES and _is_ours(function):
         dispatcher._cache = CodeCache(function)  # what its enable_caching() does with Numba's own
     return dispatcher
 
@@ -120,9 +151,25 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """Compile a function for other compiled code only; Python runs it uncompiled.
 
-    For functions so small that calling compiled code from Python would take longer.
+    For functions so small that calling compiled code from Python would take longer, and for those
+    that Python need not call: uncompiled, NumPy checks every index.
     """
     return cast(F, Compiled(function, small=True))
+
+
+def guard(function: Callable[..., Any]) -> Callable[[Check], Check]:
+    """Return a decorator: what it decorates is called before Python calls a compiled function.
+
+    Given the same arguments, it raises UprightError unless all arrays have the sizes that the
+    function relies on: compiled code reads and writes arrays without looking at their sizes.
+    Compiled code that calls the function does not call it.
+    """
+
+    def decorate(check: Check) -> Check:
+        cast(Compiled, function)._guard = check
+        return check
+
+    return decorate
 
 
 def machine_code(function: F, *arguments: Any) -> F:

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from upright.core.compiled import Compiled, compiled, is_compiled, machine_code
+from upright.core.compiled import Compiled, compiled, guard, is_compiled, machine_code
 from upright.core.contracts import Plant
+from upright.core.guards import require_array, require_lane
 from upright.core.parameters import State
+from upright.core.rig import check_rig
 from upright.core.task import Task
 from upright.core.trials import run
 
@@ -52,6 +54,23 @@ compiled_run = compiled(run)
 """The loop for the package's own agents; its machine code is cached on disk."""
 
 
+@guard(compiled_run)
+def check_run(
+    _agent: Any,
+    _plant: Any,
+    task: Task,
+    _rng: np.random.Generator,
+    lengths: np.ndarray,
+    stop: np.ndarray,
+) -> None:
+    """Raise UprightError unless the arrays of a run have the sizes that the loop relies on."""
+    require_array("lengths", lengths, np.int64, task.trials)
+    require_array("stop", stop, np.bool_, 1, written=False)
+    if task.rig is not None:
+        check_rig(task.rig)
+        require_lane(0, task.rig.memory.shape[1])
+
+
 @cache
 def custom_run(agent: type, plant: type) -> Compiled:  # noqa: ARG001 - keys of the cache
     """Return the compiled loop for custom code, whose changes a cache on disk would not notice.
@@ -60,7 +79,9 @@ def custom_run(agent: type, plant: type) -> Compiled:  # noqa: ARG001 - keys of 
     apart only by the names of the class and its fields and by the fields' types, and would confuse
     two agents of the same form. (Within the package, a test ensures that no two are alike.)
     """
-    return Compiled(run, kept=False)
+    loop = Compiled(run, kept=False)
+    guard(loop)(check_run)
+    return loop
 
 
 def loop_for(agent: Any, plant: Any, *, kept: bool) -> Callable[..., int]:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from upright.core.cartpole import EULER, Integrator, step, step_small
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, guard, inlined
+from upright.core.guards import require_array
 from upright.core.parameters import Parameters, State
 from upright.core.portable_math import SMALL
 
@@ -15,7 +16,7 @@ PART = 512
 """Number of cart-poles advanced at a time: their data fit into the first-level cache."""
 
 
-@compiled
+@inlined
 def _step_small(parameters: Parameters, state: State, force: float, _integrator: int) -> State:
     return step_small(parameters, state, force)
 
@@ -23,7 +24,7 @@ def _step_small(parameters: Parameters, state: State, force: float, _integrator:
 def _loop(advance: Callable[[Parameters, State, float, int], State]) -> Callable[..., None]:
     """Return a loop over many cart-poles that advances each of them with `advance`."""
 
-    @compiled
+    @inlined
     def loop(parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int) -> None:
         x, x_dot, theta, theta_dot = states
         for i in range(len(forces)):
@@ -38,7 +39,7 @@ def _loop(advance: Callable[[Parameters, State, float, int], State]) -> Callable
 _small_loop, _any_loop = _loop(_step_small), _loop(step)
 
 
-@compiled
+@inlined
 def step_part(
     parameters: Parameters, states: Rows, forces: np.ndarray, integrator: int = EULER
 ) -> None:
@@ -69,6 +70,11 @@ def step_many(
         Shape (n,), the force on each cart [N].
     integrator
         An `Integrator`, as an integer.
+
+    Raises
+    ------
+    UprightError
+        If Python calls it with arrays of other shapes or types.
     """
     for first in range(0, len(forces), PART):
         end = min(first + PART, len(forces))
@@ -79,3 +85,12 @@ def step_many(
             states[3, first:end],
         )
         step_part(parameters, part, forces[first:end], integrator)
+
+
+@guard(step_many)
+def _check_arrays(
+    _parameters: Parameters, states: np.ndarray, forces: np.ndarray, _integrator: int = EULER
+) -> None:
+    count = np.size(forces)
+    require_array("forces", forces, None, count, written=False)
+    require_array("states", states, np.float64, 4, count)

@@ -8,15 +8,17 @@ A rig has lanes, one for every cart-pole that is stepped at once; the loop has a
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import compiled, guard, inlined
 from upright.core.conditions import Change, Condition, Draw, Noise
+from upright.core.guards import once, require_array, require_lane, require_rows
 from upright.core.noise import disturb, measure
 from upright.core.parameters import Parameters, State
 from upright.core.portable_math import exponential, logarithm
+from upright.errors import require
 
 STEPS, FORCE, GUST, GUST_STEPS, SEEN, X, THETA, RINGS = 0, 1, 2, 3, 4, 8, 9, 10
 """Rows of a rig's memory: steps made, force of the motor [N], force of the gust [N] and its
@@ -306,7 +308,7 @@ def _measurement(rig: Rig, noise: Noise, state: State, rng: np.random.Generator,
     return seen
 
 
-@compiled
+@inlined
 def _sense(rig: Rig, noise: Noise, state: State, rng: np.random.Generator) -> State:
     """Return what the sensors give: with noise, biased, and in whole counts of the encoders."""
     seen = measure(noise, state, rng)
@@ -318,11 +320,57 @@ def _sense(rig: Rig, noise: Noise, state: State, rng: np.random.Generator) -> St
     return State(x, seen.x_dot, theta, seen.theta_dot)
 
 
-@compiled
+@inlined
 def _read(memory: np.ndarray, row: int, i: int) -> State:
     return State(memory[row, i], memory[row + 1, i], memory[row + 2, i], memory[row + 3, i])
 
 
-@compiled
+@inlined
 def _write(memory: np.ndarray, row: int, i: int, state: State) -> None:
     memory[row, i], memory[row + 1, i], memory[row + 2, i], memory[row + 3, i] = state
+
+
+# ---- What Python may give to the functions above -------------------------------------------------
+
+
+@once
+def check_rig(rig: Rig) -> None:
+    """Raise UprightError unless the arrays of a rig have the sizes that its numbers say."""
+    for name in ("delay", "measurement_delay"):
+        require(f"{name} of a rig", getattr(rig, name), 0, whole=True)
+    rows = RINGS + rig.delay + 4 * rig.measurement_delay
+    require_array("present of a rig", rig.present, np.float64, len(PARAMETER), None)
+    require_array("memory of a rig", rig.memory, np.float64, rows, rig.present.shape[1])
+    require_array("changes of a rig", rig.changes, np.float64, None, 3)
+    require_rows("changes of a rig", rig.changes[:, 1], len(PARAMETER))
+    check_draws(rig.draws)
+
+
+def check_draws(draws: np.ndarray) -> None:
+    """Raise UprightError unless these are `draws` of a rig."""
+    require_array("draws", draws, np.float64, None, 4, written=False)
+    require_rows("draws", draws[:, 0], len(PARAMETER))
+
+
+def _check_rig_and_lane(rig: Rig, *others: Any) -> None:
+    check_rig(rig)
+    require_lane(others[-1], rig.memory.shape[1])
+
+
+for _function in (_begin_episode, apply_changes, _first_measurement, _acting_force, _measurement):
+    guard(_function)(_check_rig_and_lane)
+
+
+@guard(parameters_of)
+def _check_parameters_of(present: np.ndarray, i: int) -> None:
+    require_array("present", present, np.float64, len(PARAMETER), None, written=False)
+    require_lane(i, present.shape[1])
+
+
+@guard(draw_parameters)
+def _check_draw_parameters(
+    draws: np.ndarray, present: np.ndarray, i: int, _rng: np.random.Generator
+) -> None:
+    check_draws(draws)
+    require_array("present", present, np.float64, len(PARAMETER), None)
+    require_lane(i, present.shape[1])

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.core.cartpole import EULER, has_fallen, step, step_small
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import compiled, guard, inlined
 from upright.core.conditions import Noise
+from upright.core.guards import require_array, require_lane
 from upright.core.many import PART, step_part
 from upright.core.noise import draw_start
 from upright.core.parameters import Parameters, State
@@ -26,7 +27,7 @@ from upright.core.rig import (
     measurement,
     parameters_of,
 )
-from upright.environments.varying import Plants, begin_plant, plant_of
+from upright.environments.varying import Plants, begin_plant, check_plants, plant_of
 
 NEXT_STEP, SAME_STEP, DISABLED = range(3)
 """When a lane whose episode ended restarts: instead of its next step, at once, or on request."""
@@ -223,19 +224,19 @@ def reset_batch(
             begin_episode(rules, batch, observations, i)
 
 
-@compiled
+@inlined
 def stream(words, i):
     """Return the random numbers of a lane."""
     return Stream(words[0], words[1], words[2], words[3], i)
 
 
-@compiled
+@inlined
 def rows(array, first, end):
     """Return the four rows of a part of the lanes; usable only by functions called compiled."""
     return array[0, first:end], array[1, first:end], array[2, first:end], array[3, first:end]
 
 
-@compiled
+@inlined
 def copy_part(source, target, first, end):
     """Copy the four rows of a part of the lanes."""
     for row in range(4):
@@ -244,14 +245,14 @@ def copy_part(source, target, first, end):
             copies[i] = copied[i]
 
 
-@compiled
+@inlined
 def copy_column(source, i, target, k):
     """Copy the column of one lane."""
     for row in range(4):
         target[row, k] = source[row, i]
 
 
-@compiled
+@inlined
 def count_true(flags):
     """Return how many are true."""
     count = 0
@@ -260,7 +261,7 @@ def count_true(flags):
     return count
 
 
-@compiled
+@inlined
 def count_wrong(force, actions):
     """Return how many actions are not allowed."""
     wrong = 0
@@ -272,7 +273,7 @@ def count_wrong(force, actions):
     return wrong
 
 
-@compiled
+@inlined
 def list_ended(batch, first, end):
     """List the lanes of a part whose episodes have ended in ``batch.due``; return how many."""
     count, ended = 0, batch.ended[first:end]
@@ -282,7 +283,7 @@ def list_ended(batch, first, end):
     return count
 
 
-@compiled
+@inlined
 def push(rules, batch, actions, first, end):
     """Set the forces that act on a part of the lanes."""
     forces, chosen = batch.forces[: end - first], actions[first:end]
@@ -291,7 +292,7 @@ def push(rules, batch, actions, first, end):
         disturb_forces(rules.noise, batch.rig, rows(batch.words, first, end), forces, first)
 
 
-@compiled
+@inlined
 def choose_forces(shared, plants, actions, forces, first):
     """Set the forces [N] with which agents push."""
     for i in range(len(actions)):
@@ -310,7 +311,7 @@ def scaled_force(shared: Parameters, plants: Plants | None, force: float, i: int
     return force * (plant_of(shared, plants, i).force / shared.force)
 
 
-@compiled
+@inlined
 def disturb_forces(noise, rig, words, forces, first):
     """Set the forces [N] that act where agents push with these."""
     a, b, c, counter = words
@@ -318,14 +319,14 @@ def disturb_forces(noise, rig, words, forces, first):
         forces[i] = acting_force(rig, noise, forces[i], Stream(a, b, c, counter, i), first + i)
 
 
-@compiled
+@inlined
 def move(rules, batch, first, end):
     """Move the cart-poles of a part of the lanes."""
     states, forces = rows(batch.states, first, end), batch.forces[: end - first]
     move_plants(rules.parameters, batch.plants, states, forces, rules.integrator, first)
 
 
-@compiled
+@inlined
 def move_plants(shared, plants, states, forces, integrator, first):
     """Move cart-poles, which all have the same parameters unless plants vary."""
     if plants is None:
@@ -336,7 +337,7 @@ def move_plants(shared, plants, states, forces, integrator, first):
         any_loop(plants.present, states, forces, integrator, first)
 
 
-@compiled
+@inlined
 def count_others(present, theta, first):
     """Return how many cart-poles of a part `step_small` cannot move."""
     others, static_friction = 0, present[STATIC_FRICTION]
@@ -345,7 +346,7 @@ def count_others(present, theta, first):
     return others
 
 
-@compiled
+@inlined
 def small_loop(present, states, forces, first):
     """Move cart-poles that lean little, without branches."""
     x, x_dot, theta, theta_dot = states
@@ -355,7 +356,7 @@ def small_loop(present, states, forces, first):
         x[i], x_dot[i], theta[i], theta_dot[i] = moved
 
 
-@compiled
+@inlined
 def any_loop(present, states, forces, integrator, first):
     """Move any cart-poles."""
     x, x_dot, theta, theta_dot = states
@@ -365,7 +366,7 @@ def any_loop(present, states, forces, integrator, first):
         x[i], x_dot[i], theta[i], theta_dot[i] = moved
 
 
-@compiled
+@inlined
 def score_step(rules, batch, outcome, first, end):
     """Set rewards and endings in a part; lanes whose episodes had already ended make no step."""
     x, x_dot, theta, theta_dot = rows(batch.states, first, end)
@@ -387,7 +388,7 @@ def score_step(rules, batch, outcome, first, end):
         ended[i] = terminations[i] | truncations[i]
 
 
-@compiled
+@inlined
 def observe_part(noise, rig, batch, observations, first, end):
     """Measure a part of the lanes.
 
@@ -412,7 +413,7 @@ def observe_part(noise, rig, batch, observations, first, end):
         observe(noise, rig, states, words, seen, first)
 
 
-@compiled
+@inlined
 def observe(noise, rig, states, words, seen, first):
     """Measure the states of lanes and write the results to the rows `seen`."""
     x, x_dot, theta, theta_dot = states
@@ -423,21 +424,21 @@ def observe(noise, rig, states, words, seen, first):
         seen[0][i], seen[1][i], seen[2][i], seen[3][i] = observation
 
 
-@compiled
+@inlined
 def take_back_step(rig, i):
     """Let a lane's rig not count a step that the lane did not make."""
     if rig is not None:
         rig.memory[STEPS, i] -= 1.0
 
 
-@compiled
+@inlined
 def begin_plant_of(rules, batch, i):
     """Give a lane the plant of its next episode."""
     words = stream(batch.words, i)
     begin_plant(rules.parameters, batch.rig, batch.plants, words, i)
 
 
-@compiled
+@inlined
 def draw_state(rules, batch, i):
     """Put a lane into a start state that is drawn at random."""
     state = draw_start(rules.start, stream(batch.words, i))
@@ -445,7 +446,7 @@ def draw_state(rules, batch, i):
         batch.states[row, i] = state[row]
 
 
-@compiled
+@inlined
 def begin_episode(rules, batch, observations, i):
     """Begin an episode of a lane from its present state, and measure that."""
     states = batch.states
@@ -455,3 +456,51 @@ def begin_episode(rules, batch, observations, i):
     observation = first_measurement(batch.rig, rules.noise, true, stream(batch.words, i), i)
     for row in range(4):
         observations[row, i] = observation[row]
+
+
+# ---- What Python may give to the functions above -------------------------------------------------
+
+
+@guard(Stream.random)
+def _check_stream(stream: Stream) -> None:
+    lanes = len(stream.a)
+    for name in ("a", "b", "c", "counter"):
+        require_array(f"{name} of a stream", getattr(stream, name), np.uint64, lanes)
+    require_lane(stream.lane, lanes)
+
+
+def _check_batch(batch: Batch) -> int:
+    """Return the number of lanes, or raise UprightError unless all arrays are for so many."""
+    require_array("steps of the batch", batch.steps, np.int64, None)
+    lanes = len(batch.steps)
+    require_array("states of the batch", batch.states, np.float64, 4, lanes)
+    require_array("words of the batch", batch.words, np.uint64, 4, lanes)
+    require_array("ended of the batch", batch.ended, np.bool_, lanes)
+    require_array("forces of the batch", batch.forces, np.float64, PART)
+    require_array("due of the batch", batch.due, np.int64, PART)
+    require_array("kept_words of the batch", batch.kept_words, np.uint64, 4, PART)
+    check_plants(batch.rig, batch.plants, lanes)
+    return lanes
+
+
+@guard(step_batch)
+def _check_step(rules: Rules, batch: Batch, actions: np.ndarray, outcome: Outcome) -> None:
+    lanes = _check_batch(batch)
+    require_array("actions", actions, None, lanes, *[1] * (np.ndim(actions) - 1), written=False)
+    require_array("observations", outcome.observations, None, 4, lanes)
+    require_array("rewards", outcome.rewards, np.float64, lanes)
+    require_array("terminations", outcome.terminations, np.bool_, lanes)
+    require_array("truncations", outcome.truncations, np.bool_, lanes)
+    ends = rules.autoreset == SAME_STEP
+    for name, needed in (("states", False), ("final_observations", ends), ("final_states", False)):
+        value = getattr(outcome, name)
+        require_array(name, value, None, 4, lanes if needed or np.size(value) else 0)
+
+
+@guard(reset_batch)
+def _check_reset(
+    _rules: Rules, batch: Batch, chosen: np.ndarray, _draws: bool, observations: np.ndarray
+) -> None:
+    lanes = _check_batch(batch)
+    require_array("chosen", chosen, np.bool_, lanes, written=False)
+    require_array("observations", observations, None, 4, lanes)

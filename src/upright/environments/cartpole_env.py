@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.error import InvalidAction, ResetNeeded
 
 from upright.core.cartpole import has_fallen, step
-from upright.core.compiled import compiled, machine_code
+from upright.core.compiled import compiled, guard, machine_code
 from upright.core.conditions import Noise
 from upright.core.noise import draw_start
 from upright.core.parameters import Parameters, State
@@ -29,6 +29,7 @@ from upright.environments.batch import Rules, Stream, scaled_force
 from upright.environments.varying import (
     Plants,
     begin_plant,
+    check_plants,
     given_parameters,
     make_plants,
     plant_of,
@@ -84,6 +85,13 @@ def advance(
     state = step(plant, state, acting, rules.integrator)
     fallen = has_fallen(plant, state)
     return state, measurement(rig, rules.noise, state, rng), acting, fallen
+
+
+@guard(advance)
+def _check_advance(
+    _rules: Rules, rig: Rig | None, plants: Plants | None, *_others: State | float | Any
+) -> None:
+    check_plants(rig, plants, 1)
 
 
 class CartPoleEnv(gymnasium.Env[Array, Any]):

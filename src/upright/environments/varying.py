@@ -9,10 +9,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import compiled, guard, inlined
 from upright.core.conditions import Condition, Draw
+from upright.core.guards import require_array, require_lane
 from upright.core.parameters import Parameters, check_parameters
-from upright.core.rig import PARAMETER, Rig, apply_changes, draw_parameters, lanes_of, parameters_of
+from upright.core.rig import (
+    PARAMETER,
+    Rig,
+    apply_changes,
+    check_draws,
+    check_rig,
+    draw_parameters,
+    lanes_of,
+    parameters_of,
+)
 from upright.core.task import check_varied
 from upright.core.terms import Range
 from upright.errors import UprightError, require_kind, require_one_of
@@ -86,6 +96,29 @@ def _begin_plant(
     for row in range(len(present)):
         if not np.isnan(given[row, i]):
             present[row, i], varied[row, i], given[row, i] = given[row, i], True, np.nan
+
+
+def check_plants(rig: Rig | None, plants: Plants | None, lanes: int) -> None:
+    """Raise UprightError unless a rig and plants, if any, are those of this many lanes."""
+    if rig is not None:
+        check_rig(rig)
+        require_array("memory of the rig", rig.memory, np.float64, len(rig.memory), lanes)
+    if plants is not None:
+        for name in ("present", "last", "given", "varied", "last_varied"):
+            kind = np.bool_ if "varied" in name else np.float64
+            value = getattr(plants, name)
+            require_array(f"{name} of the plants", value, kind, len(PARAMETER), lanes)
+        require_array("always of the plants", plants.always, np.bool_, len(PARAMETER))
+        check_draws(plants.draws)
+
+
+@guard(_begin_plant)
+def _check_begin_plant(
+    _shared: Parameters, rig: Rig | None, plants: Plants, _rng: np.random.Generator, i: int
+) -> None:
+    lanes = np.shape(plants.present)[-1]
+    check_plants(rig, plants, lanes)
+    require_lane(i, lanes)
 
 
 def report(present: Array, varied: Array, lanes: Array) -> dict[str, Any]:

@@ -6,13 +6,14 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from upright.core.cartpole import INTEGRATORS, has_fallen, step
-from upright.core.compiled import compiled, inlined
+from upright.core.compiled import compiled, guard, inlined
 from upright.core.conditions import condition_of
 from upright.core.contracts import Plant
+from upright.core.guards import once, require_array
 from upright.core.parameters import Parameters, State, check_parameters
-from upright.core.rig import parameters_of
+from upright.core.rig import PARAMETER, parameters_of
 from upright.core.task import Task
-from upright.errors import require_one_of
+from upright.errors import require_kind, require_one_of
 from upright.plants.settings import RunContext
 
 
@@ -73,18 +74,40 @@ class ChangingEquations(NamedTuple):
         """Do nothing; the equations hold no resources."""
 
 
-@compiled
+@inlined
 def put(memory: np.ndarray, state: State) -> State:
     """Write a state to the memory of a plant, shape (4,), and return it."""
     memory[0], memory[1], memory[2], memory[3] = state  # also numbers of several types
     return state
 
 
-@compiled
+@inlined
 def advance(parameters: Parameters, memory: np.ndarray, force: float, integrator: int) -> State:
     """Advance the state in the memory of a plant by a time step, and return it."""
     state = State(memory[0], memory[1], memory[2], memory[3])
     return put(memory, step(parameters, state, force, integrator))
+
+
+@once
+def _check_plant(plant: Equations | ChangingEquations) -> None:
+    require_array("memory of the plant", plant.memory, np.float64, 4)
+    if isinstance(plant, ChangingEquations):
+        require_array("present parameters", plant.present, np.float64, len(PARAMETER), 1)
+
+
+def _check_reset(plant: Equations | ChangingEquations, state: State) -> None:
+    _check_plant(plant)
+    require_kind("state", state, State, "a State")
+
+
+def _check_step(plant: Equations | ChangingEquations, _argument: float | State) -> None:
+    _check_plant(plant)
+
+
+for _plant in (Equations, ChangingEquations):
+    guard(_plant.reset)(_check_reset)
+    guard(_plant.step)(_check_step)
+guard(ChangingEquations.has_fallen)(_check_step)
 
 
 def equations(parameters: Parameters | None = None, integrator: str = "euler") -> Equations:

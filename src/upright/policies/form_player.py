@@ -5,7 +5,8 @@ tables: each kind is compiled only once.
 """
 
 import math
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,10 @@ from upright.agents.parts import policy_form
 from upright.agents.parts.boxes import find_box
 from upright.agents.parts.history import BLOCK, set_newest, shift, unchanged
 from upright.agents.parts.network import activation, sigmoid
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, guard, inlined
+from upright.core.guards import once, require_array
+from upright.core.parameters import State
+from upright.errors import UprightError, require, require_kind
 from upright.policies.form_json import UNITS
 
 ISRLU, TANH, SIGMOID, ABOVE_ZERO = map(UNITS.index, ("isrlu", "tanh", "sigmoid", "above zero"))
@@ -120,7 +124,7 @@ def make_memory(form: policy_form.Form) -> TablePlayer | NetworkPlayer:
     )
 
 
-@compiled
+@inlined
 def set_inputs(player, observation):
     """Set the inputs of the first layer: the scaled measurement and the history."""
     scales, history, inputs = player.scales, player.history, player.inputs
@@ -130,13 +134,13 @@ def set_inputs(player, observation):
         inputs[4 + i] = unchanged(observation, i) if has_no_past(history) else history[i]
 
 
-@compiled
+@inlined
 def has_no_past(history):
     """Whether the history holds no step of this trial yet; the push of a step is never 0."""
     return history[0] == 0.0
 
 
-@compiled
+@inlined
 def unit_output(unit, total):
     """Return the output of a unit, given the sum of its inputs."""
     if unit == ISRLU:
@@ -148,3 +152,49 @@ def unit_output(unit, total):
     if unit == ABOVE_ZERO:
         return 1.0 if total > 0.0 else 0.0
     return 1.0 if total >= 0.0 else 0.0
+
+
+# ---- What Python may give to the functions above -------------------------------------------------
+
+
+@once
+def _check_table(player: TablePlayer) -> None:
+    parts = tuple(len(cuts) + 1 for cuts in player.edges)
+    if len(parts) != 4 or player.parts != parts:
+        raise UprightError(f"parts are {player.parts}; by the edges, they must be four: {parts}")
+    require_array("probabilities", player.probabilities, np.float64, math.prod(parts))
+
+
+@once
+def _check_network(player: NetworkPlayer) -> None:
+    require_array("units", player.units, np.int64, None)
+    require_array("widths", player.widths, np.int64, len(player.units) + 1)
+    widths = player.widths.tolist()
+    for width in widths:
+        require("width", width, 1, whole=True)
+    weights = sum(a * b for a, b in pairwise(widths))
+    require_array("weights", player.weights, np.float64, weights)
+    past = len(player.history) // BLOCK
+    require_array("history", player.history, np.float64, past * BLOCK)
+    require("inputs of the first layer", widths[0], 4 + past * BLOCK, 4 + past * BLOCK)
+    require_array("scales", player.scales, np.float64, 4 if len(player.scales) else 0)
+    for name in ("inputs", "outputs"):
+        require_array(name, getattr(player, name), np.float64, max(widths))
+
+
+@guard(TablePlayer.push_probability)
+def _check_table_call(player: TablePlayer, observation: State) -> None:
+    _check_table(player)
+    require_kind("observation", observation, State, "a State")
+
+
+@guard(NetworkPlayer.push_probability)
+@guard(NetworkPlayer.remember)
+def _check_network_call(player: NetworkPlayer, observation: State, *_push: Any) -> None:
+    _check_network(player)
+    require_kind("observation", observation, State, "a State")
+
+
+@guard(NetworkPlayer.begin_trial)
+def _check_network_begin(player: NetworkPlayer, _rng: np.random.Generator) -> None:
+    _check_network(player)

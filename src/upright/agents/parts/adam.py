@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 
 EPSILON = 1e-8
 """ε: keeps the step finite where the gradient has always been zero."""
@@ -55,7 +55,7 @@ def make_adam(
     )
 
 
-@compiled
+@inlined
 def ascend(adam):
     """Make one step up the gradient.
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from upright.agents.parts import policy_form
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 from upright.core.parameters import State
 from upright.errors import UprightError, require
 
@@ -92,7 +92,7 @@ def make_boxes(settings: Any) -> Boxes:
     )
 
 
-@compiled
+@inlined
 def count_below(edges, value):
     """Return how many edges lie below a value."""
     count = 0
@@ -101,7 +101,7 @@ def count_below(edges, value):
     return count
 
 
-@compiled
+@inlined
 def find_box(boxes, observation):
     """Return the number of the box that a measurement lies in; on an edge, of the one below."""
     edges, parts = boxes.edges, boxes.parts

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 
 
 class Episodes(NamedTuple):
@@ -40,14 +40,14 @@ def make_episodes(episodes: int, kept_steps: int) -> Episodes:
     )
 
 
-@compiled
+@inlined
 def begin_episode(episodes):
     """Make room for a new episode in place of the oldest."""
     episodes.newest[0] = (episodes.newest[0] + 1) % len(episodes.lengths)
     episodes.lengths[episodes.newest[0]] = 0
 
 
-@compiled
+@inlined
 def record_step(episodes, inputs, action, probability):
     """Add a step to the newest episode, in place of its oldest one if there is no more room.
 
@@ -62,13 +62,13 @@ def record_step(episodes, inputs, action, probability):
     episodes.probabilities[episode, row] = probability
 
 
-@compiled
+@inlined
 def count_kept(episodes, episode):
     """Return how many steps of an episode are kept."""
     return min(episodes.lengths[episode], episodes.actions.shape[1])
 
 
-@compiled
+@inlined
 def row_before_end(episodes, episode, back):
     """Return the row of the step that lies `back` steps before an episode's last."""
     return (episodes.lengths[episode] - 1 - back) % episodes.actions.shape[1]

@@ -2,10 +2,10 @@
 
 import math
 
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 
 
-@compiled
+@inlined
 def factorise(matrix, factor):
     """Set L, lower triangular, with L Lᵀ = A: the Cholesky factor of a positive definite matrix A.
 
@@ -19,7 +19,7 @@ def factorise(matrix, factor):
             factor[i, j] = math.sqrt(total) if i == j else total / factor[j, j]
 
 
-@compiled
+@inlined
 def solve(factor, right_side, solution):
     """Solve A x = b, given the Cholesky factor L of A: L y = b forwards, Lᵀ x = y backwards."""
     for i in range(len(solution)):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 
 HIDDEN_1, HIDDEN_2 = 8, 16
 """Units of the two hidden layers (the report's figure 2)."""
@@ -38,26 +38,26 @@ class Activations(NamedTuple):
     """Of the second hidden layer: the derivative along its sums."""
 
 
-@compiled
+@inlined
 def sigmoid(z):
     """Return the logistic function."""
     return 1.0 / (1.0 + math.exp(-z))
 
 
-@compiled
+@inlined
 def activation(z):
     """Return a unit's output: z above zero, bending towards -1 below (ISRLU: ELU without exp)."""
     return z if z > 0.0 else z / math.sqrt(1.0 + z * z)
 
 
-@compiled
+@inlined
 def activation_slope(output):
     """Return the activation's derivative, (1 + z²)^(-3/2) below zero, from the unit's output."""
     one_less_square = 1.0 - output * output
     return 1.0 if output > 0.0 else one_less_square * math.sqrt(one_less_square)
 
 
-@compiled
+@inlined
 def evaluate_layer(inputs, weights, outputs, fan_in, width):
     """Set outputs[k] to the activation of the sum over j of inputs[j] weights[j, k]."""
     for k in range(width):
@@ -69,7 +69,7 @@ def evaluate_layer(inputs, weights, outputs, fan_in, width):
         outputs[k] = activation(outputs[k])
 
 
-@compiled
+@inlined
 def evaluate(network, units):
     """Return the network's last sum for the inputs in `units`, which keeps the units' outputs."""
     evaluate_layer(units.inputs, network.layer_1, units.hidden_1, 4, HIDDEN_1)
@@ -80,7 +80,7 @@ def evaluate(network, units):
     return total
 
 
-@compiled
+@inlined
 def add_gradient(gradient, network, units, error):
     """Add `error` times the gradient of the last evaluation (backpropagation)."""
     # Layer 3, and the error at the sums of hidden layer 2
@@ -99,7 +99,7 @@ def add_gradient(gradient, network, units, error):
             gradient.layer_1[i, j] += error_1 * units.inputs[i]
 
 
-@compiled
+@inlined
 def set_to_zero(gradient):
     """Begin a new sum of gradients."""
     gradient.layer_1[:] = 0.0
