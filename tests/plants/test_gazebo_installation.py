@@ -79,6 +79,15 @@ def test_an_incomplete_gazebo_counts_as_missing(folder):
         find_gazebo()
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files to others")
+def test_a_gazebo_that_another_user_could_change_is_not_run(folder):
+    program(unpacked_gazebo(folder), f"touch {folder}/has-run")
+    os.chown(folder / "prefix", 65534, 65534)
+    with pytest.raises(UprightError, match=r"others may change '.*prefix', so Gazebo is not run"):
+        find_gazebo()
+    assert not (folder / "has-run").exists()
+
+
 def test_a_gazebo_that_does_not_run_is_reported(folder):
     program(unpacked_gazebo(folder), "exit 127")
     with pytest.raises(UprightError, match=r"does not run; .* --remove"):

@@ -352,13 +352,14 @@ def check_draws(draws: np.ndarray) -> None:
     require_rows("draws", draws[:, 0], len(PARAMETER))
 
 
+@guard(_begin_episode)
+@guard(apply_changes)
+@guard(_first_measurement)
+@guard(_acting_force)
+@guard(_measurement)
 def _check_rig_and_lane(rig: Rig, *others: Any) -> None:
     check_rig(rig)
     require_lane(others[-1], rig.memory.shape[1])
-
-
-for _function in (_begin_episode, apply_changes, _first_measurement, _acting_force, _measurement):
-    guard(_function)(_check_rig_and_lane)
 
 
 @guard(parameters_of)

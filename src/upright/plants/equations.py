@@ -95,19 +95,18 @@ def _check_plant(plant: Equations | ChangingEquations) -> None:
         require_array("present parameters", plant.present, np.float64, len(PARAMETER), 1)
 
 
+@guard(Equations.reset)
+@guard(ChangingEquations.reset)
 def _check_reset(plant: Equations | ChangingEquations, state: State) -> None:
     _check_plant(plant)
     require_kind("state", state, State, "a State")
 
 
+@guard(Equations.step)
+@guard(ChangingEquations.step)
+@guard(ChangingEquations.has_fallen)
 def _check_step(plant: Equations | ChangingEquations, _argument: float | State) -> None:
     _check_plant(plant)
-
-
-for _plant in (Equations, ChangingEquations):
-    guard(_plant.reset)(_check_reset)
-    guard(_plant.step)(_check_step)
-guard(ChangingEquations.has_fallen)(_check_step)
 
 
 def equations(parameters: Parameters | None = None, integrator: str = "euler") -> Equations:
