@@ -3,7 +3,7 @@
 import argparse
 
 from upright.commands.options import add
-from upright.commands.parser import Parser
+from upright.commands.parser import READ, Parser
 from upright.support.exit_status import FAILED
 
 EXAMPLES = """\
@@ -23,7 +23,7 @@ not possible.
 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright merge`."""
-    parser.add_argument("stores", metavar="STORE", nargs="+", help="a store of runs")
+    parser.add_argument("stores", metavar="STORE", nargs="+", file=READ, help="a store of runs")
     add(
         parser,
         "--output",

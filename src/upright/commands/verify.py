@@ -3,7 +3,7 @@
 import argparse
 
 from upright.commands.options import add
-from upright.commands.parser import Parser, as_whole
+from upright.commands.parser import READ, Parser, as_whole
 from upright.support.exit_status import FAILED
 
 EXAMPLES = """\
@@ -23,7 +23,7 @@ asked for is not possible.
 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright verify`."""
-    parser.add_argument("store", metavar="STORE", help="a store of runs")
+    parser.add_argument("store", metavar="STORE", file=READ, help="a store of runs")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "--sample",
