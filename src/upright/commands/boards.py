@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from upright.commands.options import add, split, task_of
+from upright.commands.options import add, add_executor_options, executor_of, split, task_of
 from upright.commands.parser import Parser
 from upright.commands.showing import put, tell_file, telling_of_compilation, telling_what_is_kept
 from upright.core.conditions import STRICT_RUNS
@@ -34,6 +34,7 @@ def add_board_options(parser: Parser, steps: int) -> None:
         "beside it as JSON",
     )
     add(parser, "--store")
+    add_executor_options(parser)
 
 
 def show_board(options: argparse.Namespace, board: "Board") -> int:
@@ -56,7 +57,8 @@ def show_board(options: argparse.Namespace, board: "Board") -> int:
         from upright.reports.leaderboards import BoardPlan, make_board
 
         files = {"store": options.store, "output": options.output}
-        plan = BoardPlan(agents, options.runs, options.seed, **files, **task_of(options))
+        size = {"runs": options.runs, "seed": options.seed, "executor": executor_of(options)}
+        plan = BoardPlan(agents, **size, **files, **task_of(options))
         rows = make_board(board, plan)
     put(board.text(rows, plan), None)
     if options.output:

@@ -4,6 +4,7 @@ Allowed names come from where the things themselves stand; help, errors and comp
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,6 +26,7 @@ from upright.errors import UprightError, did_you_mean
 from upright.plants import PLANTS
 from upright.reports.sweeps import heading
 from upright.reports.tables import FORMATS
+from upright.studies.executors import ADDRESS, EXECUTORS
 from upright.support.settings import as_options
 
 if TYPE_CHECKING:
@@ -155,6 +157,17 @@ SHARED: dict[str, dict[str, Any]] = {
         "metavar": "FILE",
         "file": WRITTEN,
         "help": "keep every finished run in this file, and reuse the runs it already holds",
+    },
+    "--executor": {
+        "choices": EXECUTORS,
+        "metavar": "WHERE",
+        "help": "make the runs in %(choices)s, the last being a cluster (default: threads, or "
+        "processes where custom code is plain Python)",
+    },
+    "--address": {
+        "metavar": "ADDRESS",
+        "help": "with --executor dask: where the scheduler is, such as tcp://127.0.0.1:8786 "
+        f"(default: the variable {ADDRESS}); docs/scale.md describes how to start one",
     },
     "--format": _one_of(FORMATS, "text", "format of the table"),
     "--sources": {
@@ -448,6 +461,29 @@ def size_of(options: argparse.Namespace) -> "Size":
     if not (options.window or options.video):
         raise UprightError(f"size is {options.size!r}; it needs --window or --video")
     return parse_size(options.size)
+
+
+def add_executor_options(parser: Parser) -> None:
+    """Add the options about where to run, which `executor_of` reads."""
+    add(parser, "--executor", "--address")
+
+
+def executor_of(options: argparse.Namespace) -> str | None:
+    """Return where to run, as `study` takes it.
+
+    Raises
+    ------
+    UprightError
+        If an address is given without a cluster, or the reverse.
+    """
+    if options.executor != "dask":
+        if options.address:
+            raise UprightError(f"address is {options.address!r}; it needs --executor dask")
+        return None if options.executor is None else str(options.executor)
+    address = options.address or os.environ.get(ADDRESS)
+    if not address:
+        raise UprightError("executor is 'dask'; it needs --address tcp://HOST:PORT")
+    return str(address)
 
 
 def add_case_options(parser: Parser) -> None:

@@ -6,7 +6,7 @@ If interrupted, the same command continues where it stopped.
 import argparse
 
 from upright.agents import AGENTS
-from upright.commands.options import add, add_task_options
+from upright.commands.options import add, add_executor_options, add_task_options, executor_of
 from upright.commands.parser import Parser
 from upright.commands.showing import tell_file, telling_of_compilation, telling_what_is_kept
 
@@ -29,6 +29,7 @@ def add_options(parser: Parser) -> None:
         metavar="FOLDER",
         help="folder for tables and pictures (default: %(default)s)",
     )
+    add_executor_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -36,6 +37,8 @@ def run(options: argparse.Namespace) -> int:
     with telling_of_compilation(AGENTS.built_in), telling_what_is_kept(options.output):
         from upright.reports.reproduction import reproduce
 
-        report = reproduce(options.output, options.runs, options.seed, options.steps)
+        report = reproduce(
+            options.output, options.runs, options.seed, options.steps, executor=executor_of(options)
+        )
     tell_file("report", report)
     return 0

@@ -11,10 +11,12 @@ from upright.commands.options import (
     CUSTOM_PLANTS,
     UNITS,
     add,
+    add_executor_options,
     add_plant_options,
     add_task_file,
     add_task_options,
     cases_of,
+    executor_of,
     noises_of,
     plant_of,
     save_task_of,
@@ -42,6 +44,7 @@ examples:
   upright table --agents q-learning --noises none --parameter cart_mass=0.1:10:5:log --runs 20
   upright table --agents q-learning,random-search --settings-file tuned.toml
   upright table --task my-cart.toml                written by hand, or by --save-task
+  upright table --runs 1000 --store runs.sqlite --executor dask --address tcp://127.0.0.1:8786
   upright table --format json --output table.json
 {CUSTOM_AGENTS}{CUSTOM_PLANTS}\
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
@@ -83,7 +86,9 @@ def add_options(parser: Parser) -> None:
 
 def add_measuring_options(parser: Parser) -> None:
     """Add the options that `measure` reads."""
-    add(parser, "--runs", "--seed", "--store", "--format", "--sources", "--output")
+    add(parser, "--runs", "--seed", "--store")
+    add_executor_options(parser)
+    add(parser, "--format", "--sources", "--output")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -131,6 +136,7 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
     from upright.support.words import count
 
     check_study(options.runs, options.seed)
+    executor = executor_of(options)
     if options.output:
         check_output(options.output)
     cases = list(dict.fromkeys(cases))  # a sweep may give the same value twice
@@ -138,7 +144,7 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
         if is_sweep:
             size = f"{count(len(cases), 'case')} of {count(options.runs, 'run')} each"
             print(size, file=sys.stderr)
-        study_with_progress(cases, options.runs, options.seed, store)
+        study_with_progress(cases, options.runs, options.seed, store, executor)
         rows = summarise_all(cases, options.runs, options.seed, store)
     put_table(rows, options)
     return 0

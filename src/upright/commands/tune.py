@@ -16,11 +16,13 @@ from upright.commands.options import (
     CUSTOM_AGENTS,
     add,
     add_case_options,
+    add_executor_options,
     add_plant_options,
     add_task_file,
     add_task_options,
     case_of,
     changes_by_agent,
+    executor_of,
     noises_of,
     plant_of,
     save_task_of,
@@ -75,6 +77,7 @@ def add_options(parser: Parser) -> None:
         help="write the settings found to this file, which ends in .toml, for the option "
         "--settings-file of learn, table and tune",
     )
+    add_executor_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -85,6 +88,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tune(options: argparse.Namespace) -> int:
+    from functools import partial
+
     from upright.studies.progress import search_with_progress, study_with_progress
     from upright.studies.search_space import search_space
     from upright.studies.study import check_study
@@ -100,6 +105,7 @@ def _tune(options: argparse.Namespace) -> int:
     from upright.support.toml_file import check_toml_output
 
     require_optuna()
+    executor = executor_of(options)
     if options.output:
         check_toml_output(options.output)
     plant = plant_of(options)
@@ -112,8 +118,9 @@ def _tune(options: argparse.Namespace) -> int:
     options.store = options.store or place_for(options.agent)
     options.parser.check_files(options)
     with telling_what_is_kept(options.store, "finished candidates"):
-        found = search_with_progress(wanted, options.candidates, options.store)
-        compared = validate(wanted, found.settings, options.validation_runs, study_with_progress)
+        found = search_with_progress(wanted, options.candidates, options.store, executor)
+        make = partial(study_with_progress, executor=executor)
+        compared = validate(wanted, found.settings, options.validation_runs, make)
     print(visible(describe(wanted, found, compared, options.settings), "\n"))
     if options.output:
         write_file(options.output, result_text(wanted, found, compared))

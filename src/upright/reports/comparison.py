@@ -17,10 +17,11 @@ from upright.reports.sweeps import sizes, swept
 from upright.reports.tables import study_table, to_text
 from upright.studies.case import Case, make_case
 from upright.studies.columns import RESULT, TRIAL
+from upright.studies.executors import AnyExecutor
 from upright.studies.progress import study_with_progress
 from upright.studies.records import describe_case, make_frame
 from upright.studies.store import Store
-from upright.studies.study import check_study, study
+from upright.studies.study import check_study, make_missing_runs
 from upright.support.settings import combinations, require_few_cases
 from upright.support.words import count
 
@@ -150,6 +151,7 @@ def compare(
     store: Store | Path | str | None = None,
     guessing: bool = True,
     progress: bool = True,
+    executor: AnyExecutor = None,
     **task: Any,
 ) -> Comparison:
     """Measure agents over many runs, beside random guessing.
@@ -175,6 +177,8 @@ def compare(
         agents.
     progress
         Whether to show a progress bar, in a terminal or a notebook.
+    executor
+        Where to run: as for `study`, "threads", "processes", or the address of a dask scheduler.
     **task
         Other parts of the task by name, as `make_case` takes them: `start`, `steps`, `trials`,
         `condition`, `plant` and others. Each of the `parameters` may be a number or several, as
@@ -222,8 +226,9 @@ def compare(
     cases = list(dict.fromkeys(cases))
     require_few_cases(len(cases))
     with nullcontext(store) if isinstance(store, Store) else Store(store) as opened:
-        make = study_with_progress if progress else study
-        return Comparison(make(cases, runs, seed, opened), seed)
+        make = study_with_progress if progress else make_missing_runs
+        make(cases, runs, seed, opened, executor=executor)
+        return Comparison({c: opened.results(c.key, seed, runs) for c in cases}, seed)
 
 
 def _all_agents(agents: Any, guessing: bool) -> list[AnyAgent]:

@@ -20,6 +20,7 @@ from upright.reports.published import SOURCES, Source
 from upright.reports.statistics import Row, summarise_all
 from upright.reports.tables import Table, number, to_json, to_markdown
 from upright.studies.case import Case, make_case
+from upright.studies.executors import AnyExecutor
 from upright.studies.progress import study_with_progress
 from upright.studies.store import Store
 from upright.studies.study import check_study
@@ -69,6 +70,8 @@ class BoardPlan(NamedTuple):
     """Path of the store of finished runs; without one, they are lost on an interrupt."""
     output: Path | str | None = None
     """Path that the board is written to, in Markdown, with its figures beside it as JSON."""
+    executor: AnyExecutor = None
+    """Where to run, as for `study`."""
 
 
 Columns = dict[str, list[Row]]
@@ -100,7 +103,7 @@ def make_rows(plan: BoardPlan, columns: dict[str, dict[str, Any]]) -> Columns:
     cases = _cases(plan, columns)
     with Store(plan.store) as store:
         all_cases = [case for column in cases.values() for case in column]
-        study_with_progress(all_cases, plan.runs, plan.seed, store)
+        study_with_progress(all_cases, plan.runs, plan.seed, store, plan.executor)
         return {
             title: summarise_all(column, plan.runs, plan.seed, store)
             for title, column in cases.items()

@@ -26,6 +26,7 @@ from upright.reports.tables import (
     to_markdown,
 )
 from upright.studies.case import Case, make_case
+from upright.studies.executors import AnyExecutor
 from upright.studies.learned import learned_policy
 from upright.studies.progress import study_with_progress
 from upright.studies.run import make_run
@@ -55,6 +56,7 @@ def reproduce(
     seed: int = 0,
     steps: int = STEPS,
     say: Callable[[str], None] = print,
+    executor: AnyExecutor = None,
 ) -> Path:
     """Make the runs that are missing in the folder, and write the report on all of them.
 
@@ -70,6 +72,8 @@ def reproduce(
         N: steps of a successful trial.
     say
         Called with lines about the progress.
+    executor
+        Where to run, as for `study`.
 
     Returns
     -------
@@ -102,7 +106,7 @@ def reproduce(
         f"{count(runs, 'run')}, seed {seed}"
     )
     with Store(store_file) as store:
-        study_with_progress(cases, runs, seed, store)
+        study_with_progress(cases, runs, seed, store, executor)
         learned = [(case, store.results(case.key, seed, runs)) for case in cases]
     say("drawing")
     draw(folder, learned, seed)

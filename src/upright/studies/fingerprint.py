@@ -68,16 +68,36 @@ def _fingerprint(agent: str, plant: str) -> str:
             code, used = digest_of(_code(registry, name).find())
             others.append(code)
             ours += [file for _, file in _sources(used) if file.is_relative_to(PACKAGE)]
-            sources = [source for source in _sources(used) if _is_own(*source)]
-        else:
-            sources = [_source(registry, name)]
-        for source in sources:
-            root, files = outside_files(*source)
+        for root, files in _outside(registry, name):
             others.append(digest(sorted(files), root))
             ours += _used_of_this_package(files)
     if is_custom(agent):
         ours.append(PACKAGE / GYMNASIUM)
     return "-".join([digest(sorted(determining_files(*ours)), PACKAGE), *others])
+
+
+def _outside(registry: Registry[Any], name: str) -> list[tuple[Path, set[Path]]]:
+    """Return the root and the files of each module that defines an agent or a plant not ours."""
+    if not is_in_main(name):
+        return [outside_files(*_source(registry, name))]
+    _, used = digest_of(_code(registry, name).find())
+    return [outside_files(*source) for source in _sources(used) if _is_own(*source)]
+
+
+def custom_files(agent: str, plant: str) -> dict[Path, set[Path]]:
+    """Return the files of a custom agent and a custom plant, by the folder they are imported from.
+
+    They are those that `fingerprint` covers, and the `__init__.py` of their packages with all that
+    these import: what another machine needs to import the agent and the plant.
+    """
+    found: dict[Path, set[Path]] = {}
+    for registry, name in ((AGENTS, agent), (PLANTS, plant)):
+        for root, files in _outside(registry, name) if registry.is_path(name) else ():
+            folders = {folder for file in files for folder in file.relative_to(root).parents}
+            packages = {root / folder / "__init__.py" for folder in folders - {Path()}}
+            within = import_closure(filter(Path.is_file, packages), [root], root)
+            found.setdefault(root, set()).update(files, within)
+    return found
 
 
 def _code(registry: Registry[Any], name: str) -> CustomCode:

@@ -11,21 +11,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from upright.agents import is_custom
 from upright.core.trials import Result
 from upright.studies.case import Case
+from upright.studies.executors import AnyExecutor, opened
 from upright.studies.notebook_bar import in_notebook, notebook_bar
 from upright.studies.store import Store
-from upright.studies.study import study
+from upright.studies.study import count_finished, make_missing_runs
 from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult, search
 from upright.support.machine_code import lacking
 from upright.support.terminal import end_notice, visible
 
 
 def study_with_progress(
-    cases: Iterable[Case], runs: int, seed: int, store: Store
-) -> dict[Case, list[Result]]:
-    """Run a study with `study.study`, showing a progress bar with its rate and the time left."""
+    cases: Iterable[Case], runs: int, seed: int, store: Store, executor: AnyExecutor = None
+) -> None:
+    """Make missing runs, showing a progress bar with its rate and the time left.
+
+    Parameters and errors are those of `study.study`; the results are in the store.
+    """
     cases = list(cases)
-    finished = sum(run < runs for case in cases for run in store.finished(case.key, seed))
-    total = runs * len(cases) - finished
+    total = sum(runs - count_finished(case, runs, seed, store) for case in cases)
     kept = f"they are kept in {store.path}" if store.path else "they are lost without a store"
     ours = {case.agent for case in cases if not is_custom(case.agent)}
     starting = "compiling" if lacking(f"learn {agent}" for agent in ours) else "starting"
@@ -39,7 +42,7 @@ def study_with_progress(
             rate = steps / (time.monotonic() - began or 1e-9) / 1e6
             advance(f"{case.name}, {case.spec.noise}", f"{rate:.1f} M steps/s")
 
-        return study(cases, runs, seed, store, show)
+        make_missing_runs(cases, runs, seed, store, show, executor)
 
 
 @contextmanager
@@ -65,7 +68,9 @@ def _terminal_bar(total: int, starting: str) -> Iterator[Callable[[str, str], No
         yield advance
 
 
-def search_with_progress(plan: Search, candidates: int, path: Path | str) -> SearchResult:
+def search_with_progress(
+    plan: Search, candidates: int, path: Path | str, executor: AnyExecutor = None
+) -> SearchResult:
     """Run `tuning.search`, showing a progress bar with the best so far and the time left."""
     columns = (
         TextColumn("candidate"),
@@ -89,4 +94,5 @@ def search_with_progress(plan: Search, candidates: int, path: Path | str) -> Sea
                 best=best,
             )
 
-        return search(plan, candidates, path, show)
+        with opened(executor) as chosen:
+            return search(plan, candidates, path, show, chosen)

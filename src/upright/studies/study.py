@@ -1,60 +1,39 @@
-"""Studies: many runs of many cases, on all cores, stored as they end."""
+"""Studies: many runs of many cases, on all cores or many machines, stored as they end."""
 
-import multiprocessing
-from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
 from contextlib import closing
-from dataclasses import replace
-from os import cpu_count
+from itertools import chain, islice
 from pathlib import Path
-from queue import SimpleQueue
 from types import NoneType
 from typing import Any
 
 import numpy as np
 
 from upright.agents import is_custom
-from upright.core.compiled import is_compiled
 from upright.core.conditions import RUNS
 from upright.core.trials import Result
 from upright.errors import AgentError, PlantError, UprightError, require, require_all, require_kind
 from upright.plants.custom import CustomPlant
-from upright.plants.equations import EQUATIONS
 from upright.studies import matlab_twin
 from upright.studies.case import Case
-from upright.studies.definitions import is_in_main, pack, receive, unpack
+from upright.studies.custom import changeable, has_changed
+from upright.studies.definitions import is_in_main, unpack
+from upright.studies.executors import AnyExecutor, Workers, workers_for
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
-from upright.support.processes import process_pool
 
+BUDGET = 2.0
+"""A worker of a cluster hands back the runs of a piece of work that it has not begun by then [s].
 
-def _job(case: Case, seed: int, run: int, stop: np.ndarray | None) -> Result | None:
-    unpack()
-    # `case.key` was computed in the parent process; this one may have imported changed code.
-    if not (is_in_main(case.agent) or is_in_main(case.plant.name)) and _has_changed(case):
-        raise UprightError(f"{_changeable(case)}; its source changed after it was imported")
-    return make_run(case, seed, run, stop=stop)[1]
-
-
-def _doubt(case: Case) -> str:
-    unpack()
-    return doubt_about(case)
-
-
-def _changeable(case: Case) -> str:
-    """Return what of a case may change while a study goes on, in words."""
-    agent, plant = f"agent is {case.agent!r}", f"plant is {case.plant.name!r}"
-    if case.plant == EQUATIONS:
-        return agent
-    return f"{agent} and {plant}" if is_custom(case.agent) else plant
-
-
-def _has_changed(case: Case) -> bool:
-    """Whether the code that determines its runs is no longer that of its key."""
-    return replace(case).key != case.key
+A scheduler spends some milliseconds on each piece, and a cancelled one ends only between runs.
+"""
+Job = tuple[Case, int]
+"""A run to be made: its case and its number."""
 
 
 def study(
@@ -63,7 +42,7 @@ def study(
     seed: int = 0,
     store: Store | None = None,
     on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
-    executor: Executor | None = None,
+    executor: AnyExecutor = None,
 ) -> dict[Case, list[Result]]:
     """Make the runs that are not in the store yet, and store each as it ends.
 
@@ -81,9 +60,11 @@ def study(
     on_result
         Called with each result as its run finishes.
     executor
-        Where to run. By default there is one thread per core, which is enough for compiled runs; or
-        one process per core if an agent or a plant is plain Python, which uses one core at a time.
-        Runs of the MATLAB twin have their own processes.
+        Where to run: "threads" or "processes" of this machine, the address of a dask scheduler,
+        such as "tcp://127.0.0.1:8786" (see docs/scale.md), or a `concurrent.futures.Executor`. By
+        default there is one thread per core, which is enough for compiled runs; or one process per
+        core if an agent or a plant is plain Python, which uses one core at a time. Runs of the
+        MATLAB twin have their own processes.
 
     Returns
     -------
@@ -94,7 +75,8 @@ def study(
     ------
     UprightError
         If `runs` or `seed` is not a whole number in its range, custom code was defined anew since
-        its case was made, or MATLAB or Octave is needed but missing.
+        its case was made, MATLAB or Octave is needed but missing, a worker of the cluster has
+        another version of the package, or the scheduler is not there.
     AgentError, PlantError
         If a custom agent or plant fails; the runs that have ended are in the store.
     KeyboardInterrupt
@@ -113,111 +95,169 @@ def study(
     if store is None:
         with Store() as memory:
             return study(cases, runs, seed, memory, on_result, executor)
+    make_missing_runs(cases, runs, seed, store, on_result, executor)
+    return {case: store.results(case.key, seed, runs) for case in cases}
+
+
+def make_missing_runs(
+    cases: Sequence[Case],
+    runs: int,
+    seed: int,
+    store: Store,
+    on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
+    executor: AnyExecutor = None,
+) -> None:
+    """Do what `study` does, and leave the results in the store: the memory stays the same.
+
+    Parameters and errors are those of `study`.
+    """
     for case in cases:
-        if (is_custom(case.agent) or case.plant != EQUATIONS) and _has_changed(case):
-            raise UprightError(f"{_changeable(case)}; it changed after its case was made")
+        if has_changed(case):
+            raise UprightError(f"{changeable(case)}; it changed after its case was made")
     store.recover()
-    missing = {case: sorted(set(range(runs)) - store.finished(case.key, seed)) for case in cases}
-    ours = {case: numbers for case, numbers in missing.items() if case.language == "Python"}
-    twins = {case.twin_job(seed, missing[case]): case for case in missing if case not in ours}
+    wanted = {case: runs - count_finished(case, runs, seed, store) for case in cases}
+    ours = {case: n for case, n in wanted.items() if n and case.language == "Python"}
+    theirs = [case for case, n in wanted.items() if n and case not in ours]
+    twins = {case.twin_job(seed, _missing(case, runs, seed, store)): case for case in theirs}
 
     def keep(case: Case, result: Result) -> None:
         store.add(case.key, seed, result)
         on_result(case, result)
 
     with hold_interrupts():
-        _study_here(ours, seed, keep, executor)
-        with closing(matlab_twin.make_runs(job for job in twins if job.runs)) as ended:
+        if ours:
+            jobs = ((case, run) for case in ours for run in _missing(case, runs, seed, store))
+            with workers_for([*ours], executor) as workers:
+                _study_here([*ours], jobs, sum(ours.values()), seed, keep, workers)
+        with closing(matlab_twin.make_runs(twins)) as ended:
             for job, result in ended:
                 keep(twins[job], result)
-    return {case: store.results(case.key, seed, runs) for case in cases}
+
+
+def count_finished(case: Case, runs: int, seed: int, store: Store) -> int:
+    """Return how many of the first `runs` runs of a case are in the store."""
+    return sum(run < runs for run in store.finished(case.key, seed))
+
+
+def _missing(case: Case, runs: int, seed: int, store: Store) -> Iterator[int]:
+    """Yield the numbers of the runs of a case that are not in the store."""
+    finished = store.finished(case.key, seed)
+    return (run for run in range(runs) if run not in finished)
 
 
 def _study_here(
-    missing: dict[Case, list[int]],
+    cases: list[Case],
+    jobs: Iterator[Job],
+    remaining: int,
     seed: int,
     keep: Callable[[Case, Result], None],
-    executor: Executor | None,
+    workers: Workers,
 ) -> None:
-    """Make the missing runs of this package's agents."""
-    stop = np.zeros(1, np.bool_)
-    others = set(multiprocessing.active_children())
-    workers = executor or _workers(list(missing))
-    futures: dict[Future[Any], Case] = {}
-    ended: SimpleQueue[Future[Any]] = SimpleQueue()
-    doubts: set[Future[Any]] = set()
-    custom = {case.settings: case for case in missing if missing[case] and is_custom(case.agent)}
+    """Make runs of this package's agents.
 
-    def submit(work: Callable[..., Any], case: Case, *arguments: Any) -> Future[Any]:
-        future = workers.submit(work, case, *arguments)
-        futures[future] = case
-        future.add_done_callback(ended.put)
-        return future
-
+    Parameters
+    ----------
+    cases
+        Those of the runs.
+    jobs, remaining
+        The runs, which may be too many for a list, and their number.
+    seed
+        Seed of the study.
+    keep
+        Called with each case and result.
+    workers
+        What makes the runs.
+    """
+    futures: dict[Any, list[Job] | None] = {}  # None for a doubt
+    back: deque[Job] = deque()
+    size = 1
+    custom = {case.settings: case for case in cases if is_custom(case.agent)}
     try:
         for case in custom.values():
-            doubts.add(submit(_doubt, case))
-        for case, numbers in missing.items():
-            for run in numbers:
+            futures[workers.submit(_doubt, [case], case)] = None
+        while futures or remaining:
+            while remaining and len(futures) < workers.window():
                 with let_interrupts_through():
                     pass  # submitting very many runs takes time
-                submit(_job, case, seed, run, stop)
-        for _ in range(len(futures)):
+                fair = -(-remaining // workers.window())  # the last runs keep all workers busy
+                piece = [*islice(chain(_drained(back), jobs), min(size, fair, workers.most))]
+                remaining -= len(piece)
+                if not piece:  # another process has made them
+                    remaining = 0
+                    break
+                involved = {case for case, _ in piece}
+                futures[workers.submit(_make_runs, involved, piece, seed, workers.stop)] = piece
             with let_interrupts_through():
-                future = ended.get()
-            if future in doubts:
-                warn_if_doubtful(future.result())
+                future = workers.next_ended()
+            found, asked = workers.result(future), futures.pop(future)
+            if asked is None:
+                warn_if_doubtful(found)
                 continue
-            result, case = future.result(), futures[future]
-            assert result is not None, "only an interrupt stops a run"
-            keep(case, result)
+            for (case, _), result in zip(asked, found, strict=False):
+                keep(case, result)
+            rest = asked[len(found) :]
+            back.extend(rest)
+            remaining += len(rest)
+            size = len(found) if rest else max(size, min(2 * len(found), workers.most))
     except BaseException as error:
-        stop[0] = True  # threads see it; runs in another executor's processes end by themselves
-        processes = set(multiprocessing.active_children()) - others if executor is None else set()
-        for process in processes:
-            process.terminate()
-        if not processes:  # else the pool itself ends them, and complains of those cancelled
-            for future in futures:
-                future.cancel()
-        if isinstance(error, BrokenProcessPool) and any(map(_is_custom, missing)):
-            raise _ended(list(missing)) from error
+        workers.abandon(futures)
+        if isinstance(error, BrokenExecutor):
+            raise _ended(cases) from error
         raise
-    finally:
-        if executor is None:
-            workers.shutdown(wait=False)
 
 
-def _is_custom(case: Case) -> bool:
-    """Whether code of a case is custom, so that it may have ended its process."""
-    return is_custom(case.agent) or isinstance(case.plant, CustomPlant)
+def _drained(jobs: deque[Job]) -> Iterator[Job]:
+    while jobs:
+        yield jobs.popleft()
+
+
+def _make_runs(jobs: list[Job], seed: int, stop: np.ndarray | None) -> list[Result]:
+    """Make runs one after the other: the first, and as many more as fit into the budget.
+
+    A run that fails is left to a piece of work that begins with it, which raises the error: so the
+    runs before it are kept.
+    """
+    until = time.monotonic() + BUDGET
+    results = [_make_one(*jobs[0], seed, stop)]
+    for case, run in jobs[1:]:
+        if time.monotonic() > until:
+            break
+        try:
+            results.append(_make_one(case, run, seed, stop))
+        except Exception:
+            break
+    return results
+
+
+def _make_one(case: Case, run: int, seed: int, stop: np.ndarray | None) -> Result:
+    unpack()
+    # `case.key` was computed in the parent process; this one may have imported changed code.
+    if not (is_in_main(case.agent) or is_in_main(case.plant.name)) and has_changed(case):
+        raise UprightError(f"{changeable(case)}; its source changed after it was imported")
+    result = make_run(case, seed, run, stop=stop)[1]
+    assert result is not None, "only an interrupt stops a run"
+    return result
+
+
+def _doubt(case: Case) -> str:
+    unpack()
+    return doubt_about(case)
 
 
 def _ended(cases: list[Case]) -> UprightError:
     """Return the error about a process that ended without one, for want of knowing why."""
     agents = sorted({case.agent for case in cases if is_custom(case.agent)})
     plants = sorted({case.plant.name for case in cases if isinstance(case.plant, CustomPlant)})
+    if not agents and not plants:
+        return UprightError(
+            "the process of a run ended without an error: it was killed, crashed in a library, or "
+            "had no memory left"
+        )
     kind, names = (AgentError, agents) if agents else (PlantError, plants)
     return kind(
         f"{kind.owner} is {' or '.join(map(repr, names))}; the process of its run ended without "
         f"an error: the {kind.owner} ended it, crashed in a library, or had no memory left"
     )
-
-
-def _workers(cases: list[Case]) -> Executor:
-    """Return an executor with one thread per core, or processes if custom code is plain Python.
-
-    If only one such plant exists, there is a single worker.
-    """
-    if any(case.plant.alone for case in cases):
-        return ThreadPoolExecutor(1)
-    agents = {case.settings for case in cases if is_custom(case.agent)}
-    plants = {case.plant for case in cases if isinstance(case.plant, CustomPlant)}
-    if all(is_compiled(settings.agent(np.random.default_rng(0))) for settings in agents) and all(
-        plant.is_compiled() for plant in plants
-    ):
-        return ThreadPoolExecutor(cpu_count())
-    names = {case.agent for case in cases}, {case.plant.name for case in cases}
-    return process_pool(receive, pack(*map(sorted, names)))
 
 
 def check_study(runs: int, seed: int) -> None:

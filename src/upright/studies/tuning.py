@@ -18,7 +18,6 @@ import json
 import re
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -32,11 +31,12 @@ from upright.core.parameters import changed_parameters
 from upright.errors import UprightError, require, require_module
 from upright.plants import PLANTS
 from upright.studies.case import Case
+from upright.studies.executors import AnyExecutor
 from upright.studies.intervals import bootstrap_interval
 from upright.studies.search_space import Range
 from upright.studies.settings_file import settings_text
 from upright.studies.store import Store
-from upright.studies.study import study
+from upright.studies.study import make_missing_runs
 from upright.support.files import creating
 from upright.support.interrupts import hold_interrupts
 from upright.support.settings import as_options, changed_values
@@ -142,7 +142,7 @@ def search(
     candidates: int,
     path: Path | str,
     on_progress: Callable[[SearchProgress], None] = lambda _progress: None,
-    executor: Executor | None = None,
+    executor: AnyExecutor = None,
 ) -> SearchResult:
     """Try candidates until the store holds the given number of them, and return the best.
 
@@ -159,7 +159,7 @@ def search(
     on_progress
         Called after every batch of a candidate's runs.
     executor
-        Where to make the runs; by default, in one thread per core.
+        Where to make the runs, as for `study.study`.
 
     Raises
     ------
@@ -331,7 +331,7 @@ def _measure(
     trial: Any,
     finished: Sequence[Any],
     on_progress: Callable[[SearchProgress], None],
-    executor: Executor | None,
+    executor: AnyExecutor,
 ) -> float | None:
     """Return a candidate's mean trials; None if it was pruned."""
     try:
@@ -343,7 +343,7 @@ def _measure(
     with Store() as store:
         for batch in range(BATCHES):
             runs = -(-plan.runs * (batch + 1) // BATCHES)
-            study(cases, runs, seed, store, executor=executor)
+            make_missing_runs(cases, runs, seed, store, executor=executor)
             mean = float(np.mean(_trials(cases, store, seed)))
             trial.report(mean, batch)
             on_progress(SearchProgress(len(finished), batch + 1, _best(finished)))
@@ -407,7 +407,7 @@ def validate(
     plan: Search,
     settings: Settings,
     runs: int,
-    make: Callable[[list[Case], int, int, Store], object] = study,
+    make: Callable[[list[Case], int, int, Store], object] = make_missing_runs,
 ) -> Comparison:
     """Measure settings, and those a search started from, on runs that no candidate has seen.
 
@@ -420,7 +420,7 @@ def validate(
     runs
         Runs on each noise case.
     make
-        Makes the studies: `study.study`, or a variant that shows its progress.
+        Makes the runs: `study.make_missing_runs`, or a variant that shows its progress.
     """
     tuned = plan.cases_of(settings)
     start = plan.cases_of(plan.cases[0].settings)

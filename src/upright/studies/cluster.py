@@ -1,0 +1,316 @@
+"""A cluster of machines that makes the runs of studies, with dask.distributed.
+
+One process owns the store; workers only make runs. They must have this very version of the package,
+and receive custom code with every piece of work, so that a worker may come, go or start anew at any
+time.
+"""
+
+import importlib
+import math
+import pickle
+import platform
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import contextmanager, nullcontext, suppress
+from functools import cache
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Lock
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from upright import __version__
+from upright.errors import UprightError, require_module
+from upright.studies.case import Case
+from upright.studies.custom import changeable, definitions_of, has_changed, is_plain_python
+from upright.studies.definitions import is_in_main, receive, unpack
+from upright.studies.fingerprint import custom_files
+from upright.support.machine_code import sources_hash
+
+ANSWERING = 10.0
+"""How long a scheduler may take to answer [s]."""
+ARRIVING = 600.0
+"""How long to wait for a worker while there is none [s]."""
+
+
+class Code(NamedTuple):
+    """Custom code for other machines."""
+
+    definitions: bytes
+    """What a script or notebook defines, as `pack` returns it; empty if nothing."""
+    folders: tuple[tuple[tuple[str, bytes], ...], ...]
+    """For each folder that modules are imported from: the path and the content of each file."""
+    is_plain_python: bool
+    """Whether any of it is not compiled."""
+
+
+class Cluster:
+    """A connection to the scheduler of a dask cluster, which hands work to its workers.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler: ``tcp://HOST:PORT``.
+
+    Raises
+    ------
+    UprightError
+        If dask.distributed is missing, or no scheduler answers.
+    """
+
+    most = 1000
+    stop = None
+
+    def __init__(self, address: str) -> None:
+        distributed = require_module("distributed", "a cluster needs dask.distributed", "cluster")
+        _silence()
+        self.address = address
+        try:
+            self._client = distributed.Client(address, timeout=ANSWERING, set_as_default=False)
+        except (OSError, ValueError, ImportError) as error:
+            why = " ".join(str(error).split()) or type(error).__name__
+            raise UprightError(
+                f"address is {address!r}; no dask scheduler answers there: {why}"
+            ) from None
+        self._ended: SimpleQueue[Any] = SimpleQueue()
+        self._codes: dict[frozenset[tuple[str, str]], Code] = {}
+        self._threads, self._counted = 0, -math.inf
+
+    def check(self, cases: Iterable[Case]) -> None:
+        """Raise UprightError if runs of a case cannot be made there."""
+        for case in cases:
+            if case.plant.alone:
+                why = "its runs are made on this machine alone, without --executor dask"
+                raise UprightError(f"plant is {case.plant.name!r}; {why}")
+
+    def window(self) -> int:
+        """Return the most pieces of work to be handed over at once: two a thread."""
+        now = time.monotonic()
+        if now - self._counted > 1:
+            with self._explaining_loss():
+                self._threads, self._counted = sum(self._client.nthreads().values()), now
+        return max(2 * self._threads, 2)
+
+    def submit(self, work: Callable[..., Any], cases: Collection[Case], *arguments: Any) -> Any:
+        """Hand over work about some cases, and return its future."""
+        packed = pickle.dumps((work, list(cases), arguments))
+        with self._explaining_loss():
+            future = self._client.submit(
+                _on_worker, environment(), self._code_of(cases), packed, pure=False
+            )
+        future.add_done_callback(self._ended.put)
+        return future
+
+    def _code_of(self, cases: Collection[Case]) -> Code:
+        """Return the custom code of cases, as it was when it was first sent."""
+        names = frozenset((case.agent, case.plant.name) for case in cases)
+        if names not in self._codes:
+            files: dict[Path, set[Path]] = {}
+            for agent, plant in sorted(names):
+                for root, paths in custom_files(agent, plant).items():
+                    files.setdefault(root, set()).update(paths)
+            in_main = any(is_in_main(name) for pair in names for name in pair)
+            self._codes[names] = Code(
+                definitions_of(cases) if in_main else b"",
+                tuple(_contents(root, paths) for root, paths in files.items()),
+                is_plain_python(cases),
+            )
+        return self._codes[names]
+
+    def next_ended(self) -> Any:
+        """Wait for a piece of work to end, and return its future.
+
+        Raises
+        ------
+        UprightError
+            If there is no worker for a long time.
+        """
+        since = None
+        while True:
+            with suppress(Empty):
+                return self._ended.get(timeout=1.0)
+            if self.window() and self._threads:
+                since = None
+            elif since is None:
+                since = time.monotonic()
+                print(f"upright: waiting for workers at {self.address}", file=sys.stderr)
+            elif time.monotonic() - since > ARRIVING:
+                raise UprightError(
+                    f"address is {self.address!r}; no worker has come for {ARRIVING:g} s"
+                )
+
+    def result(self, future: Any) -> Any:
+        """Return what the work returned, or raise what it raised.
+
+        Raises
+        ------
+        UprightError
+            If the worker was refused, or the scheduler is gone.
+        BrokenExecutor
+            If the work ended several workers.
+        """
+        from distributed import KilledWorker
+
+        try:
+            with self._explaining_loss():
+                status, *found = future.result()
+        except KilledWorker as error:
+            raise BrokenExecutor(str(error)) from None
+        if status == "refused":
+            where, why = found
+            raise UprightError(f"worker is {where!r}; {why}")
+        return found[0]
+
+    @contextmanager
+    def _explaining_loss(self) -> Iterator[None]:
+        """Turn an error of a lost connection into one line."""
+        try:
+            yield
+        except (CancelledError, OSError, TimeoutError):
+            if self._client.status == "running":
+                raise
+            raise UprightError(
+                f"address is {self.address!r}; the scheduler is gone; runs that had ended are in "
+                "the store, if there is one, and the same command goes on from there"
+            ) from None
+
+    def abandon(self, futures: Iterable[Any]) -> None:
+        """Cancel work that has not ended; workers finish the run that each is making."""
+        with suppress(Exception):  # the scheduler may be gone
+            self._client.cancel(list(futures), force=True)
+
+    def close(self) -> None:
+        """Disconnect."""
+        with suppress(Exception):
+            self._client.close(timeout=1)
+
+
+def _contents(root: Path, paths: Iterable[Path]) -> tuple[tuple[str, bytes], ...]:
+    """Return the path below a folder and the content of each file."""
+    return tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in sorted(paths))
+
+
+def _silence() -> None:
+    """Keep dask from writing about lost connections, which are reported in one line."""
+    import logging
+
+    for name in ("distributed", "distributed.client", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+# ------------------------------------------------------------------------------ on a worker
+
+
+def _on_worker(ours: dict[str, str], code: Any, packed: bytes) -> tuple[Any, ...]:
+    """Do a piece of work on a worker, which may lack this package or have another version of it.
+
+    Returns
+    -------
+    tuple
+        "done" and what the work returned; or "refused", the worker's address, and why.
+    """
+    from distributed import get_worker
+
+    where = get_worker().address
+    try:
+        from upright.studies.cluster import perform
+    except ImportError as error:
+        return "refused", where, f"it does not have this version of upright: {error}"
+    try:
+        return "done", perform(ours, code, packed)
+    except Refused as error:
+        return "refused", where, str(error)
+
+
+_on_worker.__module__ = "__main__"  # so that it is sent by value, not by a name to be imported
+
+
+class Refused(Exception):  # noqa: N818 - an answer, not an error
+    """A worker cannot take part, and says why."""
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Return the versions that must be the same everywhere, as they decide what a run gives."""
+    import numba
+
+    return {
+        "upright": f"{__version__} ({sources_hash()})",
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        "NumPy": ".".join(np.__version__.split(".")[:2]),
+        "Numba": ".".join(numba.__version__.split(".")[:2]),
+    }
+
+
+def perform(ours: dict[str, str], code: Code, packed: bytes) -> Any:
+    """Do a piece of work, if this worker is like the process that it comes from.
+
+    Raises
+    ------
+    Refused
+        If it is not.
+    """
+    theirs = environment()
+    for name, version in ours.items():
+        if theirs.get(name) != version:
+            raise Refused(f"it has {name} {theirs.get(name)}; it must be {version}, as here")
+    work, cases, arguments = pickle.loads(packed)
+    # Threads would take turns anyway, and code may hold what threads share, as its own process.
+    with _one_at_a_time if code.is_plain_python else nullcontext():
+        with _receiving:
+            _receive(code, cases)
+        return work(*arguments)
+
+
+_one_at_a_time, _receiving = Lock(), Lock()
+_defined = b""
+_folders: dict[Any, tempfile.TemporaryDirectory[str]] = {}
+
+
+def _receive(code: Code, cases: Iterable[Case]) -> None:
+    """Make custom code importable here, unless this worker has the same already."""
+    global _defined
+    if code.definitions and code.definitions != _defined:
+        receive(code.definitions)
+        unpack()
+        _defined = code.definitions
+    changing = [case for case in cases if changeable(case)]
+    if all(map(_is_here, changing)):
+        return
+    for files in code.folders:
+        _import_from(files)
+    for case in changing:
+        try:
+            same = not has_changed(case)
+        except UprightError as error:
+            raise Refused(str(error)) from None
+        if not same:
+            raise Refused(f"it has another version of what is custom: {changeable(case)}")
+
+
+def _is_here(case: Case) -> bool:
+    with suppress(UprightError):
+        return not has_changed(case)
+    return False
+
+
+def _import_from(files: tuple[tuple[str, bytes], ...]) -> None:
+    """Import modules from these files from now on."""
+    if files not in _folders:
+        _folders[files] = tempfile.TemporaryDirectory(prefix="upright-code-")
+        for name, content in files:
+            path = Path(_folders[files].name, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    folder = _folders[files].name
+    if folder in sys.path:
+        sys.path.remove(folder)
+    sys.path.insert(0, folder)
+    importlib.invalidate_caches()
+    tops = {name.partition("/")[0].removesuffix(".py") for name, _ in files}
+    for name in [name for name in sys.modules if name.partition(".")[0] in tops]:
+        del sys.modules[name]
