@@ -26,11 +26,12 @@ from upright.plants.equations import Equations, equations
 from upright.policies.files import load_policy
 from upright.reports.plots import trajectory
 from upright.studies.case import make_case
+from upright.studies.executors import local_executor
 from upright.studies.playing import play
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import choose_loop, make_run
 from upright.studies.store import Store
-from upright.studies.study import _workers, study
+from upright.studies.study import study
 from upright.support.exit_status import AGENT_FAILED, BAD_USE, FAILED, INTERRUPTED
 from upright.support.machine_code import cache_folder
 
@@ -237,7 +238,7 @@ def test_compiled_agents_run_in_threads_and_plain_ones_in_processes(write, compi
         ([compiled_case, package], ThreadPoolExecutor),
         ([compiled_case, plain, package], ProcessPoolExecutor),
     ):
-        with _workers(cases) as workers:
+        with local_executor(cases) as workers:
             assert isinstance(workers, kind)
 
 
@@ -581,7 +582,7 @@ def test_kernels_of_custom_agents_are_not_kept_on_disk(compiled_case):
     assert ended.stdout == "1 0\n", ended.stderr
 
 
-# ------------------------------------------------------------------------------ Ctrl-C
+# ------------------------------------------------------------------------------ Ctrl-C and others
 
 ENDLESS = PLAIN.replace("2.0 * rng.random() - 1.0", "0.0").replace(
     "w = self.tried", "w = (1.0, 1.5, 20.0 / 9.0, 3.0)"
@@ -589,8 +590,9 @@ ENDLESS = PLAIN.replace("2.0 * rng.random() - 1.0", "0.0").replace(
 
 
 @pytest.mark.slow
-def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_path):
-    """Even an interrupt that only the main process receives."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_signal_ends_a_study_of_plain_agents_and_its_processes(number, write, tmp_path):
+    """Even a signal that only the main process receives, or that it cannot handle."""
     agent = f"{write(ENDLESS)}:Climber"
     program = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -611,10 +613,13 @@ def test_an_interrupt_ends_a_study_of_plain_agents_and_its_processes(write, tmp_
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < until
             time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, error = process.communicate(timeout=60)  # the runs would go on for hours
-        assert process.returncode == INTERRUPTED
-        assert "nothing was kept" in error
+        if number == signal.SIGKILL:
+            assert process.returncode == -number
+        else:
+            assert process.returncode == INTERRUPTED
+            assert "nothing was kept" in error
         assert "Traceback" not in error
         until = time.monotonic() + 60
         while time.monotonic() < until and is_alive(process.pid):

@@ -17,10 +17,11 @@ from upright.plants.equations import equations
 from upright.policies.files import load_policy, save_policy
 from upright.reports.learning import learn
 from upright.studies.case import make_case
+from upright.studies.executors import local_executor
 from upright.studies.playing import play
 from upright.studies.run import make_run
 from upright.studies.store import Store
-from upright.studies.study import _workers, stored, study
+from upright.studies.study import stored, study
 from upright.support.exit_status import AGENT_FAILED, BAD_USE
 
 sys.path.insert(0, str(ROOT))
@@ -137,7 +138,7 @@ def test_states_may_be_any_four_numbers(write):
 def test_plain_plants_have_processes_and_compiled_ones_threads():
     kinds = {PLAIN: ProcessPoolExecutor, COMPILED: ThreadPoolExecutor}
     for plant, kind in kinds.items():
-        with _workers([make_case("random-search", plant=plant)]) as workers:
+        with local_executor([make_case("random-search", plant=plant)]) as workers:
             assert type(workers) is kind
 
 

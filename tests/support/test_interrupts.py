@@ -3,7 +3,12 @@ import threading
 
 import pytest
 
-from upright.support.interrupts import hold_interrupts, let_interrupts_through
+from upright.support.interrupts import (
+    ENDING,
+    ending_like_ctrl_c,
+    hold_interrupts,
+    let_interrupts_through,
+)
 
 
 def interrupt():
@@ -96,6 +101,29 @@ def test_sigterm_with_the_same_handler_is_held_too():
         assert until_interrupted(work) == ["held"]
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_signals_that_end_a_program_interrupt_it(number):
+    def work(note):
+        with ending_like_ctrl_c(), hold_interrupts():
+            signal.raise_signal(number)
+            note("held")
+
+    assert until_interrupted(work) == ["held"]
+    assert signal.getsignal(number) is signal.SIG_DFL
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_an_ignored_signal_stays_ignored(number):
+    """As `nohup` has it for a terminal that is closed."""
+    before = signal.signal(number, signal.SIG_IGN)
+    try:
+        with ending_like_ctrl_c():
+            signal.raise_signal(number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
 
 
 def test_an_error_is_not_hidden_by_an_interrupt():

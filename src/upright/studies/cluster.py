@@ -12,7 +12,7 @@ import platform
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
@@ -259,37 +259,32 @@ def perform(ours: dict[str, str], code: Code, packed: bytes) -> Any:
         if theirs.get(name) != version:
             raise Refused(f"it has {name} {theirs.get(name)}; it must be {version}, as here")
     work, cases, arguments = pickle.loads(packed)
-    # Threads would take turns anyway, and code may hold what threads share, as its own process.
+    # Plain Python uses one core anyway, and may count on a process of its own.
     with _one_at_a_time if code.is_plain_python else nullcontext():
         with _receiving:
-            _receive(code, cases)
+            _receive(code, [case for case in cases if changeable(case)])
         return work(*arguments)
 
 
 _one_at_a_time, _receiving = Lock(), Lock()
-_defined = b""
 _folders: dict[Any, tempfile.TemporaryDirectory[str]] = {}
 
 
-def _receive(code: Code, cases: Iterable[Case]) -> None:
-    """Make custom code importable here, unless this worker has the same already."""
-    global _defined
-    if code.definitions and code.definitions != _defined:
-        receive(code.definitions)
-        unpack()
-        _defined = code.definitions
-    changing = [case for case in cases if changeable(case)]
-    if all(map(_is_here, changing)):
+def _receive(code: Code, cases: Sequence[Case]) -> None:
+    """Make the custom code of cases importable here, unless this worker has the same already."""
+    if all(map(_is_here, cases)):
         return
     for files in code.folders:
         _import_from(files)
-    for case in changing:
-        try:
-            same = not has_changed(case)
-        except UprightError as error:
-            raise Refused(str(error)) from None
-        if not same:
-            raise Refused(f"it has another version of what is custom: {changeable(case)}")
+    try:
+        if code.definitions:
+            receive(code.definitions)
+            unpack()
+        others = [changeable(case) for case in cases if has_changed(case)]
+    except UprightError as error:
+        raise Refused(str(error)) from None
+    if others:
+        raise Refused(f"{others[0]}, of which it has another version")
 
 
 def _is_here(case: Case) -> bool:
@@ -299,17 +294,18 @@ def _is_here(case: Case) -> bool:
 
 
 def _import_from(files: tuple[tuple[str, bytes], ...]) -> None:
-    """Import modules from these files from now on."""
+    """Import modules from these files from now on, and forget others of their names."""
+    from distributed import get_worker
+
     if files not in _folders:
-        _folders[files] = tempfile.TemporaryDirectory(prefix="upright-code-")
+        place = get_worker().local_directory  # which dask removes, however the worker ends
+        _folders[files] = tempfile.TemporaryDirectory(prefix="upright-", dir=place)
         for name, content in files:
             path = Path(_folders[files].name, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
     folder = _folders[files].name
-    if folder in sys.path:
-        sys.path.remove(folder)
-    sys.path.insert(0, folder)
+    sys.path[:] = [folder, *(path for path in sys.path if path != folder)]
     importlib.invalidate_caches()
     tops = {name.partition("/")[0].removesuffix(".py") for name, _ in files}
     for name in [name for name in sys.modules if name.partition(".")[0] in tops]:

@@ -96,30 +96,31 @@ def opened(executor: AnyExecutor) -> Iterator[AnyExecutor]:
 
 @contextmanager
 def workers_for(cases: Sequence["Case"], executor: AnyExecutor) -> Iterator[Workers]:
-    """Provide what makes the runs of cases within the block.
-
-    By default, there is one thread per core, or one process per core if custom code is plain
-    Python. If only one such plant exists, there is a single thread.
-    """
+    """Provide what makes the runs of cases within the block."""
     with opened(executor) as chosen:
         if isinstance(chosen, Workers):
             chosen.check(cases)
             yield chosen
+        elif isinstance(chosen, Executor):
+            yield Local(chosen, own=False)
         else:
-            with closing(_local(cases, chosen)) as workers:
+            with closing(Local(local_executor(cases, chosen), own=True)) as workers:
                 yield workers
 
 
-def _local(cases: Sequence["Case"], executor: Executor | str | None) -> "Local":
+def local_executor(cases: Sequence["Case"], kind: str | None = None) -> Executor:
+    """Return an executor of this kind on this machine.
+
+    By default, there is one thread per core, or one process per core if custom code is plain
+    Python. If only one such plant exists, there is a single thread.
+    """
     from upright.studies.custom import definitions_of, is_plain_python
 
-    if isinstance(executor, Executor):
-        return Local(executor, own=False)
     if any(case.plant.alone for case in cases):
-        return Local(ThreadPoolExecutor(1), own=True)
-    if executor == "processes" or (executor is None and is_plain_python(cases)):
-        return Local(process_pool(receive, definitions_of(cases)), own=True)
-    return Local(ThreadPoolExecutor(os.cpu_count()), own=True)
+        return ThreadPoolExecutor(1)
+    if kind == "processes" or (kind is None and is_plain_python(cases)):
+        return process_pool(receive, definitions_of(cases))
+    return ThreadPoolExecutor(os.cpu_count())
 
 
 # ------------------------------------------------------------------------------ on this machine

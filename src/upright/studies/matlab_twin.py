@@ -22,6 +22,7 @@ import numpy as np
 from upright.errors import UprightError, require
 from upright.support.files import digest
 from upright.support.interrupts import let_interrupts_through
+from upright.support.processes import ending_with_us
 
 if TYPE_CHECKING:
     from upright.core.trials import Result  # the loop takes a second to import
@@ -156,7 +157,7 @@ def make_runs(jobs: Iterable[TwinJob]) -> "Generator[tuple[TwinJob, Result], Non
 def _start(program: str, job: TwinJob, processes: list["subprocess.Popen[str]"]) -> Iterator[str]:
     """Start a process that makes runs, and yield its lines; raise an error if it fails."""
     process = subprocess.Popen(
-        command(program, job.statement()),
+        ending_with_us(command(program, job.statement())),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

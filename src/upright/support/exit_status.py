@@ -9,11 +9,12 @@ from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 from upright.errors import AgentWarning, CodeError, Stopped, UprightError
+from upright.support.interrupts import ending_like_ctrl_c
 from upright.support.terminal import end_notice, prepare_streams, visible
 
 FAILED, BAD_USE, AGENT_FAILED, UNWRITTEN, INTERRUPTED = 1, 2, 3, 74, 130
 """Exit statuses besides 0: not balanced, not possible, the error of a custom agent
-or plant, output that cannot be written (EX_IOERR of sysexits.h), and Ctrl-C."""
+or plant, output that cannot be written (EX_IOERR of sysexits.h), and Ctrl-C, SIGTERM or SIGHUP."""
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """Errors of a disk or a device that takes no more, and of an output that was closed."""
 
@@ -26,7 +27,7 @@ def exit_status(work: Callable[[], int]) -> int:
     prepare_streams()
     try:
         try:
-            with _plain_warnings():
+            with ending_like_ctrl_c(), _plain_warnings():
                 return work()
         finally:
             end_notice()

@@ -6,8 +6,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""Signals that interrupt, if their handler is the default one, which raises KeyboardInterrupt."""
+ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a program: from another one, and from a terminal that is closed."""
+SIGNALS = (signal.SIGINT, *ENDING)
+"""Signals that interrupt, if their handler is that of Ctrl-C, which raises KeyboardInterrupt."""
+
+
+@contextmanager
+def ending_like_ctrl_c() -> Iterator[None]:
+    """Let the signals that end a program interrupt it, as Ctrl-C does, within the block.
+
+    Those that are ignored, as by nohup, or that the calling program handles, stay so. Nothing
+    changes in threads other than the main one.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    numbers = [n for n in ENDING if main and signal.getsignal(n) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

@@ -1,8 +1,10 @@
 """Processes: a pool of workers, terminating programs, pinning lock-step partners to one core."""
 
+import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -43,7 +45,8 @@ def process_pool(
     """Return a pool with one worker process per core.
 
     The workers are spawned, because a fork of a process with threads may hang. Ctrl-C reaches them
-    too: they exit at once, without a traceback. They do not import this process's main module.
+    too: they exit at once, without a traceback; and they exit if this process is gone, however it
+    ended. They do not import this process's main module.
 
     Parameters
     ----------
@@ -55,8 +58,41 @@ def process_pool(
 
 def _begin(prepare: Callable[..., object] | None, *arguments: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     if prepare:
         prepare(*arguments)
+
+
+def _end_with_parent() -> None:
+    """Exit once the parent process is gone: a worker that waits for work would wait for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+_LAUNCHER = """\
+import ctypes, os, signal, sys
+PR_SET_PDEATHSIG = 1
+ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+if os.getppid() == int(sys.argv[1]):
+    os.execv(sys.argv[2], sys.argv[2:])
+"""
+
+
+def ending_with_us(command: list[str]) -> list[str]:
+    """Return a command that runs a program which is killed if this process ends without doing so.
+
+    Linux does that when the thread that starts the program ends. Elsewhere, the program goes on.
+
+    Parameters
+    ----------
+    command
+        The path of the program, and its arguments.
+    """
+    if sys.platform != "linux":
+        return command
+    return [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(os.getpid()), *command]
 
 
 def end_process(process: "Popen[Any]") -> None:

@@ -18,7 +18,7 @@ from upright.core.parameters import Parameters, State
 from upright.errors import Stopped, UprightError
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.world import write_world
-from upright.support.processes import end_process, share_core
+from upright.support.processes import end_process, ending_with_us, share_core
 
 STEP, RESET = 0, 1
 REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
@@ -143,7 +143,7 @@ class Server:
         """Start a program in its own session, so that Ctrl-C reaches only this program."""
         with self._log.open("ab") as log:
             return subprocess.Popen(
-                command,
+                ending_with_us(command),
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,

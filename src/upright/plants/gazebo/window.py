@@ -17,7 +17,7 @@ import numpy as np
 
 from upright.errors import Stopped, UprightError
 from upright.support.files import write_file
-from upright.support.processes import end_process
+from upright.support.processes import end_process, ending_with_us
 
 SCREEN = "Xvfb_screen0"
 """The file that Xvfb writes the contents of its screen to, as an X window dump."""
@@ -84,7 +84,9 @@ def _screen() -> Iterator[Path]:
         size = "x".join(map(str, (*SIZE, 24)))
         command = [program, "-displayfd", str(write), "-screen", "0", size, "-fbdir", folder]
         quiet = subprocess.DEVNULL
-        server = subprocess.Popen(command, pass_fds=[write], stdout=quiet, stderr=quiet)
+        server = subprocess.Popen(
+            ending_with_us(command), pass_fds=[write], stdout=quiet, stderr=quiet
+        )
         os.close(write)
         previous = os.environ.get("DISPLAY")
         try:
