@@ -217,7 +217,7 @@ def _on_worker(ours: dict[str, str], code: Any, packed: bytes) -> tuple[Any, ...
 
     where = get_worker().address
     try:
-        from upright.studies.cluster import perform
+        from upright.studies.cluster import Refused, perform
     except ImportError as error:
         return "refused", where, f"it does not have this version of upright: {error}"
     try:

@@ -94,6 +94,11 @@ def opened(executor: AnyExecutor) -> Iterator[AnyExecutor]:
             yield cluster
 
 
+def is_elsewhere(executor: AnyExecutor) -> bool:
+    """Whether an executor is a cluster."""
+    return isinstance(executor, (str, Workers)) and executor not in ("threads", "processes")
+
+
 @contextmanager
 def workers_for(cases: Sequence["Case"], executor: AnyExecutor) -> Iterator[Workers]:
     """Provide what makes the runs of cases within the block."""

@@ -21,7 +21,7 @@ from upright.studies import matlab_twin
 from upright.studies.case import Case
 from upright.studies.custom import changeable, has_changed
 from upright.studies.definitions import is_in_main, unpack
-from upright.studies.executors import AnyExecutor, Workers, workers_for
+from upright.studies.executors import AnyExecutor, Workers, is_elsewhere, workers_for
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.store import Store
@@ -118,6 +118,8 @@ def make_missing_runs(
     wanted = {case: runs - count_finished(case, runs, seed, store) for case in cases}
     ours = {case: n for case, n in wanted.items() if n and case.language == "Python"}
     theirs = [case for case, n in wanted.items() if n and case not in ours]
+    if theirs and is_elsewhere(executor):
+        raise UprightError("language is 'MATLAB'; a cluster has only runs of Python")
     twins = {case.twin_job(seed, _missing(case, runs, seed, store)): case for case in theirs}
 
     def keep(case: Case, result: Result) -> None:
