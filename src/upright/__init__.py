@@ -66,7 +66,8 @@ One run
     `Result`
 Many runs
     `compare`, which returns a `Comparison`; step by step: `study`, `Store`, `summarise`, `render`;
-    `verify` makes stored runs again and compares them, `merge` unites stores of several machines
+    `read_study`, a file of a study; `verify` makes stored runs again and compares them, and `merge`
+    unites stores of several machines
 What was learned
     `Policy`, `save_policy`, `load_policy`, `export_policy` (C, ONNX or JSON)
 Gymnasium
@@ -126,6 +127,7 @@ if TYPE_CHECKING:  # the same names as in _PLACES, for type checkers and editors
     from upright.studies.run import make_run as make_run
     from upright.studies.store import Store as Store
     from upright.studies.study import study as study
+    from upright.studies.study_file import read_study as read_study
     from upright.studies.task_file import read_task as read_task
     from upright.studies.task_file import save_task as save_task
     from upright.studies.verify import verify as verify
@@ -157,6 +159,7 @@ _PLACES = {
     "studies.run": ("make_run",),
     "studies.store": ("Store",),
     "studies.study": ("study",),
+    "studies.study_file": ("read_study",),
     "studies.task_file": ("read_task", "save_task"),
     "studies.verify": ("verify",),
 }

@@ -25,6 +25,7 @@ COMMANDS: Registry[Any] = Registry(
         "learn": "upright.commands.learn",
         "play": "upright.commands.play",
         "table": "upright.commands.table",
+        "study": "upright.commands.study",
         "reproduce": "upright.commands.reproduce",
         "leaderboard": "upright.commands.leaderboard",
         "robust": "upright.commands.robust",
@@ -52,6 +53,7 @@ examples:
   upright play results/reinforce.npz --window  watch a trained policy
   upright table --agents reinforce,random-search --runs 20
                                                a study: success rate and mean trials
+  upright study lengths.toml                   the same, described by a file
   upright reproduce                            the published tables again, with pictures
   upright leaderboard                          all agents, ranked, on the published cases
   upright show results/runs.sqlite             the table of a store of runs

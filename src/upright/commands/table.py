@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from upright.agents import AGENTS
 from upright.commands.options import (
@@ -16,6 +16,7 @@ from upright.commands.options import (
     add_task_file,
     add_task_options,
     cases_of,
+    changes_by_agent,
     executor_of,
     noises_of,
     plant_of,
@@ -24,7 +25,7 @@ from upright.commands.options import (
     tasks_of,
 )
 from upright.commands.parser import Parser
-from upright.commands.showing import put_table, telling_of_compilation, telling_what_is_kept
+from upright.commands.showing import put, put_table, telling_of_compilation, telling_what_is_kept
 from upright.support.settings import RANGE
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ examples:
   upright table --agents q-learning --noises none --parameter cart_mass=0.1:10:5:log --runs 20
   upright table --agents q-learning,random-search --settings-file tuned.toml
   upright table --task my-cart.toml                written by hand, or by --save-task
+  upright table --agents ndp --noises all --save-study ndp.toml       (then upright study ndp.toml)
   upright table --runs 1000 --store runs.sqlite --executor dask --address tcp://127.0.0.1:8786
   upright table --format json --output table.json
 {CUSTOM_AGENTS}{CUSTOM_PLANTS}\
@@ -81,6 +83,12 @@ def add_options(parser: Parser) -> None:
     )
     add_plant_options(parser)
     add_task_file(parser)
+    parser.add_argument(
+        "--save-study",
+        metavar="FILE",
+        help="write all that these options ask for to this file, which ends in .toml, for upright "
+        "study",
+    )
     add_measuring_options(parser)
 
 
@@ -108,18 +116,55 @@ def run(options: argparse.Namespace) -> int:
         specs = [TaskSpec.from_data(task | {"noise": noise}) for task in tasks for noise in noises]
         cases = [replace(start, spec=spec) for start in starts for spec in specs]
         save_task_of(options, cases)
+        if options.save_study is not None:
+            _save_study(options, starts, tasks)
         return measure(cases, options, is_sweep=len(starts) > len(agents) or len(tasks) > 1)
+
+
+def _save_study(
+    options: argparse.Namespace, starts: "Sequence[Case]", tasks: Sequence[dict[str, Any]]
+) -> None:
+    """Write the study that options ask for to the file that --save-study names."""
+    from upright.studies.settings_file import read_settings
+    from upright.studies.study_file import save_study
+    from upright.support.settings import pairs
+
+    agents = split(options.agents)
+    files = [(read_settings(path).agent, path) for path in options.settings_files]
+    settings = {}
+    for agent, changes in changes_by_agent(options.changes, agents).items():
+        own = [start.settings for start in starts if start.agent == agent]
+        settings[agent] = {
+            "from": [path for owner, path in files if owner == agent] or [options.settings],
+            **{name: [getattr(each, name) for each in own] for name in changes},
+        }
+    swept = dict(pairs("--parameter", options.parameters))  # their order is that of the cases
+    parameters = {
+        name: [task["parameters"][name] for task in tasks]
+        for name in dict.fromkeys([*swept, *tasks[0]["parameters"]])
+    }
+    plan = {name: getattr(options, name) for name in ("runs", "seed", "store")}
+    plan = {"agents": agents, **{name: plan[name] for name in plan if plan[name] is not None}}
+    parts = {
+        **{name: [value] for name, value in tasks[0].items()},
+        "noise": noises_of(options),
+        "parameters": parameters,
+    }
+    save_study(options.save_study, plan, parts, starts[0].plant, settings)
+    print(f"study: {options.save_study}", file=sys.stderr)
 
 
 def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: bool = False) -> int:
     """Run the cases, show their table as the options of `add_measuring_options` say, return 0.
+
+    Of a part of a study, show how far it is instead.
 
     Parameters
     ----------
     cases
         What to run.
     options
-        Those of `add_measuring_options`.
+        Those of `add_measuring_options`; and `part`, if only a part of the runs is to be made.
     is_sweep
         Whether to say how many cases there are.
 
@@ -128,10 +173,12 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
     UprightError
         If something asked for is not possible.
     """
+    from upright.reports.standing import status_text
     from upright.reports.statistics import summarise_all
+    from upright.studies.estimate import standings
     from upright.studies.progress import study_with_progress
     from upright.studies.store import Store
-    from upright.studies.study import check_study
+    from upright.studies.study import WHOLE, check_study
     from upright.support.files import check_output
     from upright.support.words import count
 
@@ -144,7 +191,12 @@ def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: b
         if is_sweep:
             size = f"{count(len(cases), 'case')} of {count(options.runs, 'run')} each"
             print(size, file=sys.stderr)
-        study_with_progress(cases, options.runs, options.seed, store, executor)
+        part = vars(options).get("part") or WHOLE
+        study_with_progress(cases, options.runs, options.seed, store, executor, part)
+        if part != WHOLE:
+            several = standings(cases, options.runs, options.seed, store, part)
+            put(status_text(several, options.store), options.output)
+            return 0
         rows = summarise_all(cases, options.runs, options.seed, store)
     put_table(rows, options)
     return 0

@@ -5,7 +5,16 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from upright.core.parameters import LARGEST, ZERO_ALLOWED, State
-from upright.core.terms import FRACTION, RANGE, Range, Size, Term, canonical_text, parse_terms
+from upright.core.terms import (
+    FRACTION,
+    RANGE,
+    Range,
+    Size,
+    Term,
+    canonical_text,
+    form_of,
+    parse_terms,
+)
 from upright.errors import UprightError, require
 
 PUBLISHED_NOISES = (
@@ -123,11 +132,17 @@ def _noise_rank(item: tuple[str, Size]) -> int:
 
 def _noise_sizes(text: str) -> dict[str, Size]:
     """Return the terms of a noise with their sizes."""
-    sizes = parse_terms("noise", text, NOISE_TERMS, _NAMED_NOISES)
+    sizes = parse_terms("noise", text, NOISE_TERMS, _NAMED_NOISES, _of_conditions)
     for part in ("sensor", "others"):
         if "all" in sizes and part in sizes:
             raise UprightError(f"noise is {text!r}; all includes {part}")
     return sizes
+
+
+def _of_conditions(name: str) -> str:
+    """Return the advice about what is no noise, but belongs to a condition; or nothing."""
+    is_one = _NAMED_CONDITIONS.get(name) or form_of(name, CONDITION_TERMS)
+    return "it belongs to the condition, not to the noise" if is_one else ""
 
 
 def _noise(sizes: Mapping[str, Any]) -> Noise:
@@ -350,7 +365,13 @@ def condition_text(text: str) -> str:
 
 
 def _condition_sizes(text: str) -> dict[str, Size]:
-    return parse_terms("condition", text, CONDITION_TERMS, _NAMED_CONDITIONS)
+    return parse_terms("condition", text, CONDITION_TERMS, _NAMED_CONDITIONS, _of_noises)
+
+
+def _of_noises(name: str) -> str:
+    """Return the advice about what is no condition, but belongs to a noise; or nothing."""
+    is_one = _NAMED_NOISES.get(name) or form_of(name, NOISE_TERMS)
+    return "it belongs to the noise, not to the condition" if is_one else ""
 
 
 def _condition(sizes: Mapping[str, Any]) -> Condition:

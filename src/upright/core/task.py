@@ -106,6 +106,7 @@ class TaskSpec:
         require("trials", self.trials, 1, 10**6, whole=True)
         object.__setattr__(self, "parameters", _parameters(self.parameters))
         condition = condition_of(self.condition)
+        _refuse_overridden(condition, self.parameters)
         check_varied(condition, _changed_by(condition, self.parameters))
         check_start(self.start, STARTS[self.start], self.parameters)
 
@@ -189,6 +190,19 @@ def check_start(name: object, start: State, parameters: Parameters) -> None:
                 f"start is {name!r}, with {part} up to {size!r}, but {limit} is {allowed!r}; it "
                 f"must be a start within the limit, such as {' or '.join(within)}, or {limit} at "
                 f"least {size!r}"
+            )
+
+
+def _refuse_overridden(condition: Condition, parameters: Parameters) -> None:
+    """Raise UprightError if a parameter is changed that a condition sets all the same."""
+    set_by = {name: f"each-run.{name}" for name, _ in condition.each_run}
+    set_by |= {name: f"each-episode.{name}" for name, _ in condition.each_episode}
+    set_by |= {"static_friction": "stick-slip"} if condition.stick_slip else {}
+    for name, value in changed_parameters(parameters).items():
+        if name in set_by:
+            raise UprightError(
+                f"{name} is {value!r}, and the condition has {set_by[name]}, which sets it too; "
+                "leave out one of them"
             )
 
 

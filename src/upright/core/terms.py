@@ -6,7 +6,7 @@ same task has the same name everywhere; where lists of cases have commas between
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import NamedTuple
 
@@ -64,7 +64,11 @@ _PLACES = {"STEP": r"(?P<step>\d{1,9})", "PARAMETER": r"(?P<parameter>\w+)"}
 
 
 def parse_terms(
-    kind: str, text: str, terms: Mapping[str, Term], names: Mapping[str, str]
+    kind: str,
+    text: str,
+    terms: Mapping[str, Term],
+    names: Mapping[str, str],
+    advice: Callable[[str], str] = lambda _name: "",
 ) -> dict[str, Size]:
     """Return the terms of a text with their sizes, in the order of the table of terms.
 
@@ -78,6 +82,8 @@ def parse_terms(
         Every term by name. STEP and PARAMETER in a name stand for a number and for a parameter.
     names
         Names of cases, each with the terms it stands for.
+    advice
+        Returns what to say of an unknown name in place of the known ones, or an empty string.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def parse_terms(
         require_one_of(kind, text, names)
     found: dict[str, Size] = {}
     for part in re.split(r"[,+](?![\d.])", text):
-        for name, size in _sizes(kind, part.strip(), terms, names).items():
+        for name, size in _sizes(kind, part.strip(), terms, names, advice).items():
             if name in found:
                 raise UprightError(f"{kind} is {text!r}; it has {name} twice")
             found[name] = size
@@ -121,13 +127,19 @@ def size_text(size: Size) -> str:
 
 
 def _sizes(
-    kind: str, part: str, terms: Mapping[str, Term], names: Mapping[str, str]
+    kind: str,
+    part: str,
+    terms: Mapping[str, Term],
+    names: Mapping[str, str],
+    advice: Callable[[str], str],
 ) -> dict[str, Size]:
     """Return the terms, with their sizes, that a part of a text stands for."""
     if part in names:
         return parse_terms(kind, names[part], terms, {}) if names[part] else {}
     name, sign, size = (word.strip() for word in part.partition("="))
     if (form := form_of(name, terms)) is None:
+        if why := advice(name):
+            raise UprightError(f"{kind} is {part!r}; {why}")
         require_one_of(kind, name, dict.fromkeys([*names, *written(terms)]))
     assert form is not None
     term, places = terms[form], _places(form, name)

@@ -64,6 +64,7 @@ class Mujoco:
     """Largest force on the cart [N], which is then that of a push unless the parameter force says
     otherwise; 0 for that of the model."""
 
+    FILES: ClassVar = ("model",)
     ADDED: ClassVar = ("model", "cart_joint", "pole_joint", "zero", "sign", "force_limit")
 
     def __post_init__(self) -> None:

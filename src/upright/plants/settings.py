@@ -30,7 +30,11 @@ class RunContext(NamedTuple):
 
 
 class PlantSettings(Fields, Protocol):
-    """Settings of a plant, as a frozen dataclass."""
+    """Settings of a plant, as a frozen dataclass.
+
+    Its class attribute `FILES`, if any, has the names of those that are paths of files: in a TOML
+    file they are relative to its folder.
+    """
 
     @property
     def name(self) -> str:

@@ -204,13 +204,13 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
         waiting = figures + published
         while waiting:
             some = _as_many_as_fit(labels, waiting, width)
-            tables.append(_lines(labels, some, width))
+            tables.append(lines_of(labels, some, width))
             waiting = waiting[len(some) :]
     else:
         some = _as_many_as_fit(labels, figures, width)
         whole = _as_many_as_fit(labels, figures + published, width)
         some = whole if len(whole) == len(figures + published) else some
-        tables.append(_lines(labels, some, width))
+        tables.append(lines_of(labels, some, width))
         left_out = [column.head for column in figures + published if column not in some]
     notes = _notes(rows)
     if said:
@@ -255,7 +255,7 @@ def _as_many_as_fit(
     return list(figures[:fitting])
 
 
-def _lines(labels: Sequence[Column], figures: Sequence[Column], width: int) -> list[str]:
+def lines_of(labels: Sequence[Column], figures: Sequence[Column], width: int) -> list[str]:
     """Return the lines of a table, with names above their lines if they are too long."""
     if _width([*labels, *figures]) <= width:
         return _aligned(labels, figures)

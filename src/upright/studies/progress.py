@@ -14,21 +14,27 @@ from upright.studies.case import Case
 from upright.studies.executors import AnyExecutor, opened
 from upright.studies.notebook_bar import in_notebook, notebook_bar
 from upright.studies.store import Store
-from upright.studies.study import count_finished, make_missing_runs
+from upright.studies.study import WHOLE, count_finished, make_missing_runs, runs_of_part
 from upright.studies.tuning import BATCHES, Search, SearchProgress, SearchResult, search
 from upright.support.machine_code import lacking
 from upright.support.terminal import end_notice, visible
 
 
 def study_with_progress(
-    cases: Iterable[Case], runs: int, seed: int, store: Store, executor: AnyExecutor = None
+    cases: Iterable[Case],
+    runs: int,
+    seed: int,
+    store: Store,
+    executor: AnyExecutor = None,
+    part: tuple[int, int] = WHOLE,
 ) -> None:
     """Make missing runs, showing a progress bar with its rate and the time left.
 
     Parameters and errors are those of `study.study`; the results are in the store.
     """
     cases = list(cases)
-    total = sum(runs - count_finished(case, runs, seed, store) for case in cases)
+    numbers = runs_of_part(cases, runs, part)
+    total = sum(len(n) - count_finished(case, n, seed, store) for case, n in numbers.items())
     kept = f"they are kept in {store.path}" if store.path else "they are lost without a store"
     ours = {case.agent for case in cases if not is_custom(case.agent)}
     starting = "compiling" if lacking(f"learn {agent}" for agent in ours) else "starting"
@@ -42,7 +48,7 @@ def study_with_progress(
             rate = steps / (time.monotonic() - began or 1e-9) / 1e6
             advance(f"{case.name}, {case.spec.noise}", f"{rate:.1f} M steps/s")
 
-        make_missing_runs(cases, runs, seed, store, show, executor)
+        make_missing_runs(cases, runs, seed, store, show, executor, part)
 
 
 @contextmanager

@@ -32,6 +32,8 @@ BUDGET = 2.0
 
 A scheduler spends some milliseconds on each piece, and a cancelled one ends only between runs.
 """
+WHOLE = (1, 1)
+"""The one part of a study that is not shared."""
 Job = tuple[Case, int]
 """A run to be made: its case and its number."""
 
@@ -40,9 +42,10 @@ def study(
     cases: Iterable[Case],
     runs: int = RUNS,
     seed: int = 0,
-    store: Store | None = None,
+    store: Store | Path | str | None = None,
     on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
     executor: AnyExecutor = None,
+    part: tuple[int, int] = WHOLE,
 ) -> dict[Case, list[Result]]:
     """Make the runs that are not in the store yet, and store each as it ends.
 
@@ -56,7 +59,8 @@ def study(
         Seed of the study. Run k of a case draws the same random numbers whatever the executor, the
         order, or the runs made earlier.
     store
-        Where finished runs are looked up and stored. Without a store, they are only returned.
+        Where finished runs are looked up and stored: a store, or the path of its file. Without it,
+        they are only returned.
     on_result
         Called with each result as its run finishes.
     executor
@@ -65,11 +69,15 @@ def study(
         default there is one thread per core, which is enough for compiled runs; or one process per
         core if an agent or a plant is plain Python, which uses one core at a time. Runs of the
         MATLAB twin have their own processes.
+    part
+        Which part of the runs to make, and of how many: ``(2, 5)`` is the second of five, whose
+        stores together hold what the whole study has.
 
     Returns
     -------
     dict
-        The results of each case, runs 0 to `runs` - 1, whether from the store or made now.
+        The results of each case, runs 0 to `runs` - 1, whether from the store or made now; of a
+        part, those that are there.
 
     Raises
     ------
@@ -90,12 +98,13 @@ def study(
     [10, 10]
     """
     check_study(runs, seed)
+    check_part(part)
     cases = require_all("cases", cases, Case, "a list of what make_case returns")
-    require_kind("store", store, (Store, NoneType), "a Store")
-    if store is None:
-        with Store() as memory:
-            return study(cases, runs, seed, memory, on_result, executor)
-    make_missing_runs(cases, runs, seed, store, on_result, executor)
+    require_kind("store", store, (Store, Path, str, NoneType), "a Store, or the path of its file")
+    if not isinstance(store, Store):
+        with Store(store) as opened:
+            return study(cases, runs, seed, opened, on_result, executor, part)
+    make_missing_runs(cases, runs, seed, store, on_result, executor, part)
     return {case: store.results(case.key, seed, runs) for case in cases}
 
 
@@ -106,6 +115,7 @@ def make_missing_runs(
     store: Store,
     on_result: Callable[[Case, Result], None] = lambda _case, _result: None,
     executor: AnyExecutor = None,
+    part: tuple[int, int] = WHOLE,
 ) -> None:
     """Do what `study` does, and leave the results in the store: the memory stays the same.
 
@@ -115,12 +125,18 @@ def make_missing_runs(
         if has_changed(case):
             raise UprightError(f"{changeable(case)}; it changed after its case was made")
     store.recover()
-    wanted = {case: runs - count_finished(case, runs, seed, store) for case in cases}
+    numbers = runs_of_part(cases, runs, part)
+
+    def missing(case: Case) -> Iterator[int]:
+        finished = store.finished(case.key, seed)
+        return (run for run in numbers[case] if run not in finished)
+
+    wanted = {case: len(n) - count_finished(case, n, seed, store) for case, n in numbers.items()}
     ours = {case: n for case, n in wanted.items() if n and case.language == "Python"}
     theirs = [case for case, n in wanted.items() if n and case not in ours]
     if theirs and is_elsewhere(executor):
         raise UprightError("language is 'MATLAB'; a cluster has only runs of Python")
-    twins = {case.twin_job(seed, _missing(case, runs, seed, store)): case for case in theirs}
+    twins = {case.twin_job(seed, missing(case)): case for case in theirs}
 
     def keep(case: Case, result: Result) -> None:
         store.add(case.key, seed, result)
@@ -128,7 +144,7 @@ def make_missing_runs(
 
     with hold_interrupts():
         if ours:
-            jobs = ((case, run) for case in ours for run in _missing(case, runs, seed, store))
+            jobs = ((case, run) for case in ours for run in missing(case))
             with workers_for([*ours], executor) as workers:
                 _study_here([*ours], jobs, sum(ours.values()), seed, keep, workers)
         with closing(matlab_twin.make_runs(twins)) as ended:
@@ -136,15 +152,31 @@ def make_missing_runs(
                 keep(twins[job], result)
 
 
-def count_finished(case: Case, runs: int, seed: int, store: Store) -> int:
-    """Return how many of the first `runs` runs of a case are in the store."""
-    return sum(run < runs for run in store.finished(case.key, seed))
+def count_finished(case: Case, numbers: range, seed: int, store: Store) -> int:
+    """Return how many of the runs of a case with these numbers are in the store."""
+    return sum(run in numbers for run in store.finished(case.key, seed))
 
 
-def _missing(case: Case, runs: int, seed: int, store: Store) -> Iterator[int]:
-    """Yield the numbers of the runs of a case that are not in the store."""
-    finished = store.finished(case.key, seed)
-    return (run for run in range(runs) if run not in finished)
+def runs_of_part(cases: Iterable[Case], runs: int, part: tuple[int, int]) -> dict[Case, range]:
+    """Return the numbers of the runs of each case that a part of a study makes.
+
+    The runs of all cases are dealt to the parts in turn, so that no part has two more than another,
+    and each has about as many of every case.
+
+    Parameters
+    ----------
+    cases
+        The cases.
+    runs
+        Number of runs of each.
+    part
+        Number of the part, from 1, and number of parts.
+    """
+    number, parts = part
+    return {
+        case: range((number - 1 - place * runs) % parts, runs, parts)
+        for place, case in enumerate(dict.fromkeys(cases))
+    }
 
 
 def _study_here(
@@ -266,6 +298,14 @@ def check_study(runs: int, seed: int) -> None:
     """Raise UprightError unless a study can have this many runs and this seed."""
     require("runs", runs, 1, 10**6, whole=True)
     require("seed", seed, 0, 2**63 - 1, whole=True)
+
+
+def check_part(part: tuple[int, int]) -> None:
+    """Raise UprightError unless this is one of several parts of a study."""
+    require_kind("part", part, tuple, "a tuple of its number and the number of parts, as (2, 5)")
+    number, parts = part if len(part) == 2 else (0, 0)
+    require("parts", parts, 1, 10**6, whole=True)
+    require("part", number, 1, parts, whole=True)
 
 
 def stored(path: Path | str) -> list[tuple[Case, int, list[Result]]]:

@@ -13,10 +13,13 @@
 
 The keys are the fields of `TaskSpec`, and the plant with its settings; all may be left out. A noise
 or a condition of several terms is a text, `noise = "actuator=0.1,gaussian=0.5"`, or a table of
-them. A file may come from anyone, so every name and value is checked, and its size is bounded.
+them. A file that the plant's settings name is relative to the folder of this one. A file may come
+from anyone, so every name and value is checked, and its size is bounded.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import os
+import reprlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -31,8 +34,8 @@ from upright.plants.settings import PlantSettings
 from upright.studies.belonging import belongings
 from upright.studies.case import Case
 from upright.support.files import write_file
-from upright.support.settings import describe_settings, values_of, with_values
-from upright.support.toml_file import TomlFile, check_toml_output, read_toml, toml_value
+from upright.support.settings import describe_settings, renamed, values_of, with_values
+from upright.support.toml_file import Key, TomlFile, check_toml_output, read_toml, toml_value
 
 TEXTS = tuple(field.name for field in fields(TaskSpec) if isinstance(field.default, str))
 """Parts of a task that are texts."""
@@ -72,22 +75,41 @@ def read_task(path: Path | str) -> dict[str, Any]:
     """
     file = read_toml(path, "task file")
     for name in file.content:
-        _check_name(file, "key", name, PARTS)
-    task = {name: _value(file, name, value) for name, value in file.content.items()}
+        check_name(file, "key", name, PARTS)
+    task = {
+        name: text_in(file, value, name) if name in TEXTS else value
+        for name, value in file.content.items()
+    }
     if "plant" in task:
-        task["plant"] = _plant(file, task["plant"])
+        task["plant"] = plant_in(file, task["plant"], "plant")
     if isinstance(parameters := task.get("parameters"), dict):
         for name in parameters:
-            _check_name(file, "parameter", name, Parameters._fields, "parameters")
+            check_name(file, "parameter", name, Parameters._fields, "parameters")
         file.checked(make_parameters, parameters, "parameters")
     file.checked(TaskSpec.from_data, {name: task[name] for name in task if name != "plant"})
     return task
 
 
-def _check_name(
-    file: TomlFile, what: str, name: str, allowed: Iterable[str], *tables: str, plant: str = ""
+def check_name(
+    file: TomlFile, what: str, name: str, allowed: Iterable[str], *tables: Key, plant: str = ""
 ) -> None:
-    """Raise an error that says where a name belongs, unless it is allowed in these tables."""
+    """Raise an error that says where a name belongs, unless it is allowed in these tables.
+
+    Parameters
+    ----------
+    file
+        The file.
+    what
+        What the name is, for the error.
+    name
+        The name.
+    allowed
+        The names that are allowed.
+    tables
+        The keys that lead to the table that it stands in.
+    plant
+        Name of the plant that the file is about, if it is not that of equations.
+    """
     try:
         require_one_of(what, name, allowed)
     except UprightError as error:
@@ -107,26 +129,27 @@ def _advice(name: str, plant: str) -> str:
     return ""
 
 
-def _value(file: TomlFile, name: str, value: Any) -> Any:
-    """Return the value of a key, with a table of terms as a text."""
-    if name not in TEXTS:
-        return value
-    terms = value
-    if isinstance(value, dict):
-        terms = ",".join(_terms(file, value, name))
-    try:
-        require_kind(name, terms, str, "a text, or a table of terms")
-    except UprightError as error:
-        raise file.error(error, name) from None
-    return terms
+def text_in(file: TomlFile, value: Any, *keys: Key) -> str:
+    """Return a part of a task that is a text, or a table of terms.
+
+    Raises
+    ------
+    UprightError
+        If it is neither.
+    """
+    text = ",".join(_terms(file, value, *keys)) if isinstance(value, dict) else value
+    if not isinstance(text, str):
+        why = f"{keys[-1]} is {reprlib.repr(text)}; it must be a text, or a table of terms"
+        raise file.error(why, *keys)
+    return text
 
 
-def _terms(file: TomlFile, table: Mapping[str, Any], *keys: str) -> Iterator[str]:
+def _terms(file: TomlFile, table: Mapping[str, Any], *keys: Key, within: str = "") -> Iterator[str]:
     """Yield the terms of a table: NAME=VALUE, or the name alone of what is true."""
     for name, value in table.items():
-        term = ".".join([*keys[1:], name])
+        term = f"{within}{name}"
         if isinstance(value, dict):
-            yield from _terms(file, value, *keys, name)
+            yield from _terms(file, value, *keys, name, within=f"{term}.")
         elif isinstance(value, bool):
             if value:
                 yield term
@@ -137,21 +160,47 @@ def _terms(file: TomlFile, table: Mapping[str, Any], *keys: str) -> Iterator[str
             raise file.error(why, *keys, name)
 
 
-def _plant(file: TomlFile, values: Any) -> PlantSettings:
-    """Return the plant that a table describes."""
+def plant_in(file: TomlFile, values: Any, *keys: Key) -> PlantSettings:
+    """Return the plant that a table describes.
+
+    A setting that names a file, such as a model, is relative to the folder of the TOML file.
+
+    Raises
+    ------
+    UprightError
+        If it is not a table, there is no such plant, or a setting or value is not allowed.
+    """
     if not isinstance(values, dict):
-        raise file.error(f"plant is {values!r}; it must be a table, [plant]", "plant")
+        raise file.error(f"plant is {values!r}; it must be a table, [plant]", *keys)
     name = values.get("name", EQUATIONS.name)
-    if not isinstance(name, str):
-        raise file.error(f"plant is {name!r}; it must be the name of a plant", "plant", "name")
-    default = file.checked(lambda named: PLANTS.default(named["name"]), {"name": name}, "plant")
+    default = default_plant(file, name, *keys)
     own = {name: value for name, value in values.items() if name != "name"}
     for setting in own:
         if PLANTS.is_path(name):
-            raise file.error(f"plant is {name!r}; it has no settings", "plant", setting)
-        allowed = [*values_of(default), *getattr(default, "RENAMED", {})]
-        _check_name(file, "setting", setting, allowed, "plant", plant=name)
-    return file.checked(lambda some: with_values(default, some), own, "plant")
+            raise file.error(f"plant is {name!r}; it has no settings", *keys, setting)
+        allowed = [*values_of(default), *renamed(default)]
+        check_name(file, "setting", setting, allowed, *keys, plant=name)
+    plant = file.checked(lambda some: with_values(default, some), own, *keys)
+    return _with_files(plant, lambda given: file.path.parent / given)
+
+
+def default_plant(file: TomlFile, name: Any, *keys: Key) -> PlantSettings:
+    """Return the default settings of the plant that a table names.
+
+    Raises
+    ------
+    UprightError
+        If there is no such plant.
+    """
+    if not isinstance(name, str):
+        raise file.error(f"plant is {name!r}; it must be the name of a plant", *keys, "name")
+    return file.checked(lambda named: PLANTS.default(named["name"]), {"name": name}, *keys)
+
+
+def _with_files(plant: PlantSettings, place: Callable[[str], Path | str]) -> PlantSettings:
+    """Return a plant with each file that it names, if any, at another place."""
+    named = {name: getattr(plant, name) for name in getattr(plant, "FILES", ())}
+    return with_values(plant, {name: str(place(path)) for name, path in named.items() if path})
 
 
 def save_task(path: Path | str, case: Case) -> None:
@@ -181,7 +230,15 @@ def save_task(path: Path | str, case: Case) -> None:
     """
     require_kind("case", case, Case, "what make_case returns")
     check_toml_output(path)
-    write_file(path, task_text(case.spec, case.plant))
+    write_file(path, task_text(case.spec, placed_beside(path, case.plant)))
+
+
+def placed_beside(path: Path | str, plant: PlantSettings) -> PlantSettings:
+    """Return a plant as a TOML file of this path names it: its own files relative to the folder."""
+    folder = Path(path).parent
+    return _with_files(
+        plant, lambda given: given if os.path.isabs(given) else os.path.relpath(given, folder)
+    )
 
 
 def task_text(spec: TaskSpec, plant: PlantSettings) -> str:

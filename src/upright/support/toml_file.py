@@ -3,17 +3,20 @@
 import json
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from upright.errors import UprightError, require_one_of
+from upright.errors import CodeError, UprightError, require_one_of
 from upright.support.files import check_output
 
 T = TypeVar("T")
 
 SUFFIX = ".toml"
 """How the name of a TOML file ends."""
+Key = str | int
+"""A key of a table, or a place in an array of tables, from 0."""
 LARGEST = 10**6
 """Most bytes that such a file may have."""
 MOST_WORK = 4 * 10**6
@@ -32,7 +35,7 @@ class TomlFile(NamedTuple):
     content: dict[str, Any]
     """What the text means."""
 
-    def error(self, why: object, *keys: str) -> UprightError:
+    def error(self, why: object, *keys: Key) -> UprightError:
         """Return an error that names the file, and the line and the name of a key.
 
         Parameters
@@ -40,16 +43,17 @@ class TomlFile(NamedTuple):
         why
             What is wrong, in a line.
         keys
-            The key after those of the tables that it stands in; none if it is not about a key.
+            The key after those of the tables that it stands in; none if it is not about a key. A
+            number is the place of a table in an array of them, from 0.
         """
         line = self.line_of(*keys)
         places = [f"line {line}"] if line else []
-        places += [".".join(map(_key, keys))] if keys else []
+        places += [_path(keys)] if keys else []
         place = f"{', '.join(places)}: " if places else ""
         return UprightError(f"{self.kind} is {str(self.path)!r}; {place}{why}")
 
     def checked(
-        self, check: Callable[[Mapping[str, Any]], T], values: Mapping[str, Any], *keys: str
+        self, check: Callable[[Mapping[str, Any]], T], values: Mapping[str, Any], *keys: Key
     ) -> T:
         """Return what a function makes of values by name.
 
@@ -70,12 +74,24 @@ class TomlFile(NamedTuple):
         """
         try:
             return check(values)
+        except CodeError:
+            raise
         except UprightError as error:
             why = str(error)
-            refused = (name for name in values if _refusal(check, {name: values[name]}) == why)
+            refused = (name for name in values if refusal(check, {name: values[name]}) == why)
             raise self.error(why, *keys, *list(refused)[:1]) from None
 
-    def line_of(self, *keys: str) -> int | None:
+    @contextmanager
+    def at(self, *keys: Key) -> Iterator[None]:
+        """Let an error name the place that it is about, unless it is one of custom code."""
+        try:
+            yield
+        except CodeError:
+            raise
+        except UprightError as error:
+            raise self.error(error, *keys) from None
+
+    def line_of(self, *keys: Key) -> int | None:
         """Return the number of the line on which a key is first given a value, or a table begins.
 
         The parser itself tells, whatever the form of the key and of its value: the lines above are
@@ -85,7 +101,7 @@ class TomlFile(NamedTuple):
         Parameters
         ----------
         keys
-            The key after those of the tables that it stands in.
+            The key after those of the tables that it stands in, as for `error`.
 
         Returns
         -------
@@ -148,7 +164,7 @@ def _text(path: Path) -> str:
     return data.decode("utf-8-sig")  # some editors begin a file with a mark
 
 
-def _refusal(check: Callable[[Mapping[str, Any]], object], values: Mapping[str, Any]) -> str:
+def refusal(check: Callable[[Mapping[str, Any]], object], values: Mapping[str, Any]) -> str:
     """Return the words in which a function refuses values, or an empty string."""
     try:
         check(values)
@@ -164,13 +180,22 @@ def _parsed(text: str) -> dict[str, Any] | None:
         return None
 
 
-def _has(content: Any, keys: tuple[str, ...]) -> bool:
-    """Whether a table has a key, given after those of the tables within it that lead there."""
+def _has(content: Any, keys: Sequence[Key]) -> bool:
+    """Whether a table has a key, given after those that lead there."""
     for key in keys:
-        if not isinstance(content, dict) or key not in content:
+        if isinstance(content, list) and isinstance(key, int):
+            if key >= len(content):
+                return False
+        elif not isinstance(content, dict) or key not in content:
             return False
         content = content[key]
     return True
+
+
+def _path(keys: Sequence[Key]) -> str:
+    """Return keys as they are written, such as tasks[1].parameters."""
+    parts = (f"[{key}]" if isinstance(key, int) else f".{_key(key)}" for key in keys)
+    return "".join(parts).removeprefix(".")
 
 
 def _key(name: str) -> str:
@@ -194,6 +219,36 @@ def toml_value(value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(float(value) if isinstance(value, float) else value)  # NumPy's name their type
+
+
+def toml_text(content: Mapping[str, Any]) -> str:
+    """Return tables as TOML; what they hold is what `toml_value` takes, and tables.
+
+    Examples
+    --------
+    >>> from upright.support.toml_file import toml_text
+    >>> print(toml_text({"runs": 5, "parameters": {"force": [9.0, 10.0]}}), end="")
+    runs = 5
+    <BLANKLINE>
+    [parameters]
+    force = [9.0, 10.0]
+    """
+    return "\n\n".join(_tables(content)) + "\n"
+
+
+def _tables(content: Mapping[str, Any], *keys: str) -> Iterator[str]:
+    """Yield a table, without what stands in tables of its own, and then these."""
+    lines = [f"[{_path(keys)}]"] if keys else []
+    within = {name: value for name, value in content.items() if isinstance(value, Mapping)}
+    lines += [
+        f"{_key(name)} = {toml_value(value)}"
+        for name, value in content.items()
+        if name not in within
+    ]
+    if len(lines) > bool(keys) or not within:
+        yield "\n".join(lines)
+    for name, value in within.items():
+        yield from _tables(value, *keys, name)
 
 
 def check_toml_output(path: Path | str) -> None:
