@@ -31,6 +31,7 @@ COMMANDS_NOT_RUN = {
     "matlab table": "needs Octave",
     "reproduce": "takes minutes",
     "ros2": "needs ROS 2, and runs until it is stopped",
+    "study": "needs its file, and has tests of its own",
     "table": "takes minutes",
     "tune": "takes minutes",
     "--plant": "needs the simulator",
