@@ -139,6 +139,19 @@ ODD = {
             {"parameters": {"position_limit": 0.03}},
             "start is 'random', with x up to 0.05, but position_limit is 0.03; it must be",
         ),
+        (
+            {"condition": "each-run.half_length=0.3:1", "parameters": {"half_length": 0.3}},
+            "half_length is 0.3, and the condition has each-run.half_length, which sets it too; "
+            "leave out one of them",
+        ),
+        (
+            {"condition": "each-episode.force=9:11", "parameters": {"force": 9.0}},
+            "force is 9.0, and the condition has each-episode.force, which sets it too",
+        ),
+        (
+            {"condition": "stick-slip=2", "parameters": {"static_friction": 1.0}},
+            "static_friction is 1.0, and the condition has stick-slip, which sets it too",
+        ),
     ],
     ids=str,
 )
@@ -172,6 +185,12 @@ def test_data_that_are_no_task_are_refused_by_name(parts, message):
     with pytest.raises(UprightError) as error:
         TaskSpec.from_data(parts)
     assert str(error.value).startswith(message)
+
+
+def test_a_parameter_may_be_set_that_a_condition_starts_from():
+    parameters = {"half_length": 0.3, "force": 9.0, "gravity": 9.0, "cart_friction": 0.001}
+    condition = "varied-plant,friction=2,tilt=1,at-5.force=8,each-run.pole_friction=0:1"
+    assert TaskSpec(condition=condition, parameters=parameters).parameters.half_length == 0.3
 
 
 def test_a_task_is_read_back_from_its_data():

@@ -99,6 +99,12 @@ def test_terms_of_a_condition(text, condition, canonical):
     ("part", "text", "message"),
     [
         ("noise", "gaussan=0.1", "noise is 'gaussan'; it must be one of none, .* actuator=, "),
+        ("noise", "delay=1", "noise is 'delay=1'; it belongs to the condition, not to the noise"),
+        ("noise", "sensor-5,delay-1", "noise is 'delay-1'; it belongs to the condition, not to"),
+        ("noise", "at-5.force=-10", "noise is 'at-5.force=-10'; it belongs to the condition"),
+        ("noise", "nominal", "noise is 'nominal'; it must be one of none, "),
+        ("condition", "sensor-5", "condition is 'sensor-5'; it belongs to the noise, not to the"),
+        ("condition", "gaussian=1", "condition is 'gaussian=1'; it belongs to the noise"),
         ("noise", "actuator", "noise actuator has no size; write actuator=SIZE [fraction]"),
         (
             "noise",

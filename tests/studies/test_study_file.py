@@ -193,7 +193,7 @@ def test_paths_are_relative_to_the_file(folder):
 def test_the_example_and_the_files_of_the_documents_are_read():
     assert len(read_study(ROOT / "examples/study.toml")["cases"]) == 36
     (text,) = re.findall(
-        "```toml\n# .*\n(.*?)```", (ROOT / "docs/studies.md").read_text(), re.DOTALL
+        "```toml\n# lengths.toml\n(.*?)```", (ROOT / "docs/studies.md").read_text(), re.DOTALL
     )
     assert text == FILE
     assert len(read(text)["cases"]) == 24

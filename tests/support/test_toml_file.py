@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from upright.errors import UprightError, require
-from upright.support.toml_file import MOST_WORK, read_toml, toml_value
+from upright.errors import AgentError, UprightError, require
+from upright.support.toml_file import MOST_WORK, read_toml, toml_text, toml_value
 
 TEXT = '''\
 # half_length = 0: a comment is no key
@@ -30,6 +30,8 @@ inline = { half_length = 4, "in\\u006eer" = { deep = 5 } }
 key = 7
 [[several]]
 half_length = 8
+[[several]]
+half_length = 9
 '''
 
 
@@ -67,6 +69,11 @@ def test_a_number_that_python_does_not_write_is_refused(file_of):
         (("parameters", "within"), 19),
         (("parameters", "within", "key"), 20),
         (("several",), 21),
+        (("several", 0), 21),
+        (("several", 0, "half_length"), 22),
+        (("several", 1, "half_length"), 24),
+        (("several", 2), None),
+        (("list", "half_length"), None),
         (("several", "half_length"), None),
         (("half_length",), None),
         (("title", "half_length"), None),
@@ -98,6 +105,21 @@ def test_an_error_names_the_value_that_is_refused_by_itself(file_of):
         file.checked(check, {"a": 6, "d": 6}, "sizes")
 
 
+def test_an_error_names_the_place_in_an_array_of_tables(file_of):
+    file = file_of("[[a]]\n[[a]]\n'b c' = 1\n")
+    with (
+        pytest.raises(UprightError, match=r'; line 3, a\[1\]\."b c": it is wrong$'),
+        file.at("a", 1, "b c"),
+    ):
+        raise UprightError("it is wrong")
+
+
+def test_errors_of_custom_code_pass_as_they_are(file_of):
+    file = file_of("a = 1\n")
+    with pytest.raises(AgentError, match="^it failed$"), file.at("a"):
+        raise AgentError("it failed")
+
+
 def test_a_mark_at_the_beginning_is_no_part_of_the_text(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xef\xbb\xbfsteps = 1\n")
@@ -115,3 +137,20 @@ VALUES = st.recursive(
 def test_values_are_read_back_as_they_were_written(value):
     again = tomllib.loads(f"value = {toml_value(value)}")["value"]
     assert repr(again) == repr(value)
+
+
+TREES = st.recursive(
+    VALUES, lambda inner: st.dictionaries(st.text(max_size=8), inner, max_size=3), max_leaves=8
+)
+
+
+@settings(max_examples=50)
+@given(st.dictionaries(st.text(max_size=8), TREES, max_size=4))
+def test_tables_are_read_back_as_they_were_written(content):
+    assert repr(tomllib.loads(toml_text(content))) == repr(in_order(content))
+
+
+def in_order(content):
+    """Return tables with what stands in tables of its own after all else."""
+    tables = {name: in_order(value) for name, value in content.items() if isinstance(value, dict)}
+    return {name: value for name, value in content.items() if name not in tables} | tables
