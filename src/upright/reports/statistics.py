@@ -11,12 +11,13 @@ from upright import __version__
 from upright.agents import AGENTS
 from upright.core.task import TaskSpec
 from upright.core.trials import Result
-from upright.errors import require_all, require_kind
+from upright.errors import UprightError, require_all, require_kind
 from upright.plants import PLANTS
 from upright.reports.names import noise_rank
 from upright.reports.published import figures
 from upright.studies.case import Case, named
 from upright.studies.intervals import bootstrap_interval, wilson_interval
+from upright.studies.outcomes import Outcomes, outcomes_of
 from upright.studies.store import Store
 from upright.support.settings import changed_values
 from upright.support.short_repr import call
@@ -110,7 +111,7 @@ class Row:
 def summarise(
     case: Case,
     seed: int,
-    results: Sequence[Result],
+    results: Sequence[Result] | Outcomes,
     *,
     environment: str | None = None,
     version: str | None = __version__,
@@ -124,7 +125,8 @@ def summarise(
     seed
         Seed of the study.
     results
-        Results of the case's runs, in order.
+        Results of the case's runs, in order; or their outcomes, as `Store.outcomes` returns them
+        for studies of a million runs.
     environment
         Name of the environment that the runs were made in, if it was not the case's plant: the row
         is named after it, and has no published figures.
@@ -137,6 +139,11 @@ def summarise(
         Success rate and mean trials with 95 % intervals, median, 95th percentile and maximum of
         trials, and the published figures of the same case.
 
+    Raises
+    ------
+    UprightError
+        If there are no results, or they are not results.
+
     Examples
     --------
     >>> case = upright.make_case("random-search", steps=300)
@@ -148,9 +155,9 @@ def summarise(
     True
     """
     require_kind("case", case, Case, "what make_case returns")
-    results = require_all("results", results, Result, "a list of what study returns of a case")
-    trials = np.array([result.trials for result in results if result.success])
-    all_trials = np.array([result.trials for result in results])
+    outcomes = _outcomes(results)
+    all_trials = outcomes.trials
+    trials = all_trials[outcomes.success]
     succeeded = len(trials) > 0
     plant = environment or case.plant.name
     plant_settings = changed_values(PLANTS.default(case.plant.name), case.plant)
@@ -158,10 +165,10 @@ def summarise(
         agent=case.agent,
         settings=case.settings_name,
         task=case.spec,
-        runs=len(results),
+        runs=len(all_trials),
         successes=len(trials),
-        success_rate=len(trials) / max(1, len(results)),
-        success_ci95=wilson_interval(len(trials), len(results)),
+        success_rate=len(trials) / len(all_trials),
+        success_ci95=wilson_interval(len(trials), len(all_trials)),
         mean_trials=float(trials.mean()) if succeeded else None,
         ci95=bootstrap_interval(trials) if succeeded else None,
         median_trials=float(np.median(trials)) if succeeded else None,
@@ -169,8 +176,8 @@ def summarise(
         max_trials=int(trials.max()) if succeeded else None,
         mean_trials_all_runs=float(all_trials.mean()),
         all_runs_ci95=bootstrap_interval(all_trials),
-        steps_simulated=int(sum(result.lengths.sum() for result in results)),
-        seconds=sum(result.seconds for result in results),
+        steps_simulated=int(outcomes.steps.sum()),
+        seconds=float(outcomes.seconds.sum()),
         published=figures(case.agent, case.spec, plant, plant_settings),
         seed=seed,
         version=version,
@@ -178,6 +185,15 @@ def summarise(
         plant=plant,
         plant_settings={} if environment else plant_settings,
     )
+
+
+def _outcomes(results: Sequence[Result] | Outcomes) -> Outcomes:
+    if not isinstance(results, Outcomes):
+        expected = "a list of what study returns of a case"
+        results = outcomes_of(require_all("results", results, Result, expected))
+    if not len(results.run):
+        raise UprightError("results is empty; there must be at least one run")
+    return results
 
 
 def summarise_all(cases: Iterable[Case], runs: int, seed: int, store: Store) -> list[Row]:
@@ -199,8 +215,8 @@ def stored_rows(path: Path | str) -> list[Row]:
 
 
 def _stored_row(case: Case, seed: int, store: Store, key: str, runs: int | None = None) -> Row:
-    results = store.results(key, seed, runs)
-    return summarise(case, seed, results, version=store.version(key, seed))
+    outcomes = store.outcomes(key, seed, runs)
+    return summarise(case, seed, outcomes, version=store.version(key, seed))
 
 
 def in_order(rows: Iterable[Row]) -> list[Row]:

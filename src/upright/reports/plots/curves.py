@@ -38,6 +38,8 @@ WIDE = 50
 """Studies with longer runs have a logarithmic axis of trials."""
 POINTS = 1_000
 """Largest number of points of a running median."""
+BLOCK = 2**22
+"""Numbers that quartiles are taken of at once: 32 MB."""
 RUG = 1.6
 """Height of the marks of successes, in multiples of the steps of a success."""
 SUCCESS: dict[str, Any] = {"color": MUTED, "linestyle": (0, (4, 2)), "lw": 1, "zorder": 1.5}
@@ -192,10 +194,21 @@ def quartiles(results: Sequence[Result], steps: int) -> np.ndarray:
         Shape (3, trials of the longest run). A run that has succeeded counts with N steps later.
     """
     longest = max(result.trials for result in results)
-    filled = np.full((len(results), longest), np.nan)
+    at_once = max(1, BLOCK // len(results))
+    blocks = [
+        _quartiles(results, steps, first, min(first + at_once, longest))
+        for first in range(0, longest, at_once)
+    ]
+    return np.concatenate(blocks, axis=1)
+
+
+def _quartiles(results: Sequence[Result], steps: int, first: int, end: int) -> np.ndarray:
+    """Return the quartiles in the trials from `first` to before `end`."""
+    filled = np.full((len(results), end - first), np.nan)
     for row, result in zip(filled, results, strict=True):
-        row[: result.trials] = result.lengths
-        row[result.trials :] = steps if result.success else np.nan
+        lengths = result.lengths[first:end]
+        row[: len(lengths)] = lengths
+        row[len(lengths) :] = steps if result.success else np.nan
     return np.asarray(np.nanquantile(filled, (0.25, 0.5, 0.75), axis=0))
 
 

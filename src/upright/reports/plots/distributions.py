@@ -1,7 +1,6 @@
 """Distributions of trials: how many runs succeeded within how many trials."""
 
 from collections.abc import Sequence
-from functools import cache
 from itertools import product
 
 import numpy as np
@@ -94,22 +93,14 @@ def distribution(results: Sequence[Result]) -> tuple[np.ndarray, np.ndarray]:
     return at, np.cumsum(counts)
 
 
-@cache
-def _intervals(runs: int) -> np.ndarray:
-    """Return the 95 % interval of each possible success rate of so many runs, shape (2, runs + 1).
-
-    With no success and with only successes, nothing lies below and above.
-    """
-    return np.array([wilson_interval(count, runs) for count in range(runs + 1)]).T
-
-
 def _draw_distribution(
     axes: Axes, results: Sequence[Result], look: Look, last: int, with_band: bool
 ) -> Line2D:
     at, counts = distribution(results)
     trials = np.array([LEFT / 2, *at, 2 * last])
     counts = np.array([0, *counts, counts[-1] if len(counts) else 0])
-    low, high = _intervals(len(results))[:, counts]
+    # With no success and with only successes, nothing lies below and above.
+    low, high = np.array([wilson_interval(int(each), len(results)) for each in counts]).T
     if with_band:
         axes.fill_between(trials, low, high, step="post", color=look.colour, alpha=0.13, lw=0)
     (line,) = axes.step(
