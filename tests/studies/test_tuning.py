@@ -380,6 +380,77 @@ def test_two_searches_that_begin_at_the_same_moment_share_a_store(tmp_path):
     assert {path.name for path in tmp_path.iterdir() if "-" not in path.name} == stores
 
 
+CROWD = """
+import signal, sys
+from pathlib import Path
+from upright.studies import tuning
+from upright.studies.case import make_case
+from upright.studies.search_space import search_space
+
+path, holds, candidates = sys.argv[1], sys.argv[2] == "holds", int(sys.argv[3])
+case = make_case("random-search", steps=300, trials=60)
+plan = tuning.Search((case,), tuple(search_space(case.settings, ())), 4, 0)
+
+def tell(progress):
+    if holds and (progress.finished, progress.batch) == (1, 2):
+        print("holds", flush=True)
+        signal.pause()
+
+tuning.search(plan, candidates, path, tell)
+"""
+
+
+@pytest.mark.slow
+def test_processes_take_turns_and_one_that_is_killed_holds_up_no_other(tmp_path):
+    def begin(path, role):
+        line = [sys.executable, "-c", CROWD, str(path), role, "6"]
+        return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    alone, shared = tmp_path / "alone", tmp_path / "shared"
+    shared.touch()  # several find it empty
+    started = [begin(shared, "holds")]
+    try:
+        assert started[0].stdout.readline() == "holds\n"
+        started += [begin(shared, "joins") for _ in range(4)]
+        started[0].kill()
+        errors = [process.communicate(timeout=200)[1] for process in started]
+        began = begin(alone, "joins")
+        started.append(began)
+        errors.append(began.communicate(timeout=200)[1])
+    finally:
+        for process in started:
+            process.kill()
+    assert errors == [""] * 6
+    assert len(tried(shared)) == 6
+    assert tried(shared) == tried(alone)
+    assert {path.name for path in tmp_path.iterdir()} == {"alone", "shared"}
+
+
+@pytest.mark.parametrize(
+    "name", ["t%41", "q?mode=memory&x=1", "a #b", "-x", ":memory:", "file:ä", "{SCHEMA_VERSION}"]
+)
+def test_a_store_has_the_name_it_is_given(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        search(wanted(1, noises=["none"]), 1, name)
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+        assert len(tried(tmp_path / name)) == 1
+
+
+@pytest.mark.parametrize("name", ["", ".", "/"])
+def test_a_folder_is_no_store(name):
+    with pytest.raises(UprightError, match=r"^store is '.*'; it is a folder, a file is needed$"):
+        search(wanted(), 1, name)
+
+
+def test_a_store_that_is_gone_is_missed(tmp_path):
+    def remove(standing):
+        (tmp_path / "tune").unlink()
+
+    with pytest.raises(UprightError, match="tune'; it cannot be opened: No such file or directory"):
+        search(wanted(), 1, tmp_path / "tune", remove)
+
+
 def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
     def fail(*_):
         raise KeyboardInterrupt

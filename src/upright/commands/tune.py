@@ -115,7 +115,8 @@ def _tune(options: argparse.Namespace) -> int:
     wanted = Search(cases, tuple(space), options.runs, options.seed)
     check_study(options.validation_runs, options.seed)
     save_task_of(options, cases)
-    options.store = options.store or place_for(options.agent)
+    if options.store is None:
+        options.store = place_for(options.agent)
     options.parser.check_files(options)
     with telling_what_is_kept(options.store, "finished candidates"):
         found = search_with_progress(wanted, options.candidates, options.store, executor)

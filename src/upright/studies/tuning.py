@@ -10,15 +10,16 @@ found, and those that the search started from, are measured again on runs that n
 seen.
 
 The same seed gives the same search, whatever the number of cores, and also if the search is
-interrupted and resumed (with the same version of Optuna, and one process at a time): a candidate
-depends only on the seed and on the candidates finished before it.
+interrupted and resumed (with the same version of Optuna): a candidate depends only on the seed and
+on the candidates finished before it. Processes that search the same store take turns, a candidate
+each, as every one of them uses all cores.
 """
 
 import json
 import re
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,6 +40,7 @@ from upright.studies.store import Store
 from upright.studies.study import make_missing_runs
 from upright.support.files import creating
 from upright.support.interrupts import hold_interrupts
+from upright.support.locks import locked
 from upright.support.settings import as_options, changed_values
 from upright.support.words import count
 
@@ -172,21 +174,12 @@ def search(
     optuna = require_optuna()
     state = optuna.trial.TrialState
     with hold_interrupts(), _opened(plan, path) as optuna_study:
-        finished = _finished(optuna_study)
-        while len(finished) < candidates:
-            optuna_study.sampler = _sampler(plan.seed, len(finished))
-            if not finished:
-                _begin_with_start(plan, optuna_study)
-            distributions = {range_.label: range_.distribution() for range_ in plan.space}
-            trial = optuna_study.ask(distributions)
-            try:
-                on_progress(SearchProgress(len(finished), 0, _best(finished)))
-                value = _measure(plan, trial, finished, on_progress, executor)
-            except BaseException:
-                optuna_study.tell(trial, state=state.FAIL)
-                raise
-            optuna_study.tell(trial, value, state.PRUNED if value is None else state.COMPLETE)
-            finished = _finished(optuna_study)
+        while len(finished := _finished(optuna_study)) < candidates:
+            on_progress(SearchProgress(len(finished), 0, _best(finished)))
+            with locked(path):
+                finished = _finished(optuna_study)  # another process may have tried one meanwhile
+                if len(finished) < candidates:
+                    _try_one(plan, optuna_study, finished, on_progress, executor)
         on_progress(SearchProgress(len(finished), 0, _best(finished)))
         if not optuna_study.get_trials(deepcopy=False, states=(state.COMPLETE,)):
             raise UprightError("none of the candidates is allowed; name other settings to search")
@@ -197,6 +190,30 @@ def search(
             candidates=len(finished),
             pruned=sum(trial.state == state.PRUNED for trial in finished),
         )
+
+
+def _try_one(
+    plan: Search,
+    optuna_study: Any,
+    finished: Sequence[Any],
+    on_progress: Callable[[SearchProgress], None],
+    executor: Executor | None,
+) -> None:
+    """Measure the next candidate, and store what came out of it."""
+    import optuna
+
+    state = optuna.trial.TrialState
+    optuna_study.sampler = _sampler(plan.seed, len(finished))
+    if not finished:
+        _begin_with_start(plan, optuna_study)
+    distributions = {range_.label: range_.distribution() for range_ in plan.space}
+    trial = optuna_study.ask(distributions)
+    try:
+        value = _measure(plan, trial, finished, on_progress, executor)
+    except BaseException:
+        optuna_study.tell(trial, state=state.FAIL)
+        raise
+    optuna_study.tell(trial, value, state.PRUNED if value is None else state.COMPLETE)
 
 
 def place_for(agent: str) -> str:
@@ -236,12 +253,16 @@ def _sampler(seed: int, finished: int) -> Any:
 @contextmanager
 def _opened(plan: Search, path: Path | str) -> Iterator[Any]:
     """Open a store, which is new or holds the same search; yield Optuna's study."""
-    _check_store(path)
+    is_ready = _check_store(path)
     if not Path(path).exists():
         with creating(path) as part, _opened_study(part, path) as optuna_study:
             _check_same(plan, optuna_study, path)
-    with _opened_study(Path(path), path) as optuna_study:
-        _check_same(plan, optuna_study, path)
+    with ExitStack() as opened:
+        with ExitStack() as alone:
+            if not is_ready:  # an empty file, into which several processes may put tables
+                alone.enter_context(locked(path))
+            optuna_study = opened.enter_context(_opened_study(Path(path), path))
+            _check_same(plan, optuna_study, path)
         yield optuna_study
 
 
@@ -253,17 +274,20 @@ def _opened_study(file: Path, path: Path | str) -> Iterator[Any]:
     """
     import optuna
     from sqlalchemy.exc import SQLAlchemyError
+    from sqlalchemy.pool import QueuePool
 
+    # Not by a URL, in which some characters of a name mean something else.
+    opening = {"creator": lambda: _connect(file), "poolclass": QueuePool}
     storage = None
     try:
-        storage = optuna.storages.RDBStorage(f"sqlite:///{file}", {"connect_args": {"timeout": 60}})
+        storage = optuna.storages.RDBStorage("sqlite://", opening)
         yield optuna.create_study(
             storage=storage,
             study_name="upright",
             load_if_exists=True,
             pruner=optuna.pruners.MedianPruner(),
         )
-    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
+    except (SQLAlchemyError, sqlite3.Error, optuna.exceptions.StorageInternalError) as error:
         why = str(error).splitlines()[0]
         raise UprightError(f"store is {str(path)!r}; it cannot be used: {why}") from None
     finally:
@@ -272,20 +296,34 @@ def _opened_study(file: Path, path: Path | str) -> Iterator[Any]:
             storage.engine.dispose()
 
 
-def _check_store(path: Path | str) -> None:
-    """Raise UprightError if a path is that of a file that is not a database of Optuna."""
+def _connect(file: Path | str) -> sqlite3.Connection:
+    """Open a database, whatever its name: SQLite gives some names that are not paths a meaning."""
+    return sqlite3.connect(Path(file).absolute(), timeout=60, check_same_thread=False)
+
+
+def _check_store(path: Path | str) -> bool:
+    """Return whether a file holds a database of Optuna; False if it is empty or missing.
+
+    Raises
+    ------
+    UprightError
+        If it is anything else.
+    """
+    if Path(path).is_dir():
+        raise UprightError(f"store is {str(path)!r}; it is a folder, a file is needed")
     if not Path(path).parent.is_dir():
         raise UprightError(f"store is {str(path)!r}; its folder does not exist")
     if not Path(path).exists():
-        return
+        return False
     try:
-        with closing(sqlite3.connect(path)) as database:
+        with closing(_connect(path)) as database:
             rows = database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
             tables = {name for (name,) in rows}
     except sqlite3.Error as error:
         raise UprightError(f"store is {str(path)!r}; it cannot be used: {error}") from None
     if tables and not {"studies", "trials"} <= tables:
         raise UprightError(f"store is {str(path)!r}; it is a database of another program")
+    return bool(tables)
 
 
 def _check_same(plan: Search, optuna_study: Any, path: Path | str) -> None:
@@ -354,7 +392,7 @@ def _measure(
 
 def _trials(cases: Sequence[Case], store: Store, seed: int) -> np.ndarray:
     """Return the number of trials of every run; a failed run has made the maximum number."""
-    return np.array([r.trials for case in cases for r in store.results(case.key, seed)])
+    return np.concatenate([store.outcomes(case.key, seed).trials for case in cases])
 
 
 # ------------------------------------------------------------------------------ validation
@@ -439,7 +477,7 @@ def validate(
 
 def _validation(cases: list[Case], store: Store, seed: int) -> Validation:
     trials = _trials(cases, store, seed)
-    successes = sum(r.success for case in cases for r in store.results(case.key, seed))
+    successes = sum(int(store.outcomes(case.key, seed).success.sum()) for case in cases)
     return Validation(float(trials.mean()), bootstrap_interval(trials), successes, len(trials))
 
 
