@@ -67,7 +67,9 @@ class PlantError(CodeError):
 
 
 class AgentWarning(UserWarning):
-    """A custom agent does something that makes its results doubtful.
+    """An agent does something that makes its results doubtful.
+
+    A custom agent does not repeat itself, or learning diverged.
 
     Examples
     --------
@@ -110,7 +112,15 @@ def require(
     kind = "a whole number" if whole else "a number"
     lower = f"above {low:,}" if above else f"at least {low:,}"
     upper = f" and at most {high:,}" if math.isfinite(high) else ""
-    raise UprightError(f"{name} is {value!r}; it must be {kind}, {lower}{upper}")
+    raise UprightError(f"{name} is {_said(value)}; it must be {kind}, {lower}{upper}")
+
+
+def _said(value: object) -> str:
+    """Return a value as an error names it, without its middle if it is long."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python writes no larger ones
+        return "a number of thousands of digits"
 
 
 def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:

@@ -202,7 +202,7 @@ def test_numbers_stay_of_a_sensible_size_while_the_pole_stands(label):
         ({"discount": 1.5}, "discount is 1.5;"),
         ({"actor_trace_decay": 1.0}, "actor_trace_decay is 1.0;"),
         ({"critic_trace_decay": -0.1}, "critic_trace_decay is -0.1;"),
-        ({"noise": 0.0}, "noise is 0.0; it must be a number, above 0"),
+        ({"noise": 0.0}, "noise is 0.0; it must be a number, at least 1e-09"),
         ({"noise": math.nan}, "noise is nan;"),
         ({"x_edges": (1.0, -1.0)}, "x_edges is (1.0, -1.0); its edges must ascend"),
         ({"theta_edges": (-1.0, 0.5)}, "theta_edges is (-1.0, 0.5); mirrored boxes need edges ali"),

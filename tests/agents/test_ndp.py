@@ -316,8 +316,8 @@ def test_fresh_weights_are_uniform():
         ({"redraw": "often"}, "redraw is 'often'; it must be one of always, never, stalled, unp"),
         ({"init_range": -2.0}, "init_range is -2.0;"),
         ({"weight_limit": -1.0}, "weight_limit is -1.0;"),
-        ({"x_scale": 0.0}, "x_scale is 0.0; it must be a number, above 0"),
-        ({"theta_dot_scale": "1"}, "theta_dot_scale is '1'; it must be a number, above 0"),
+        ({"x_scale": 0.0}, "x_scale is 0.0; it must be a number, at least 1e-09"),
+        ({"theta_dot_scale": "1"}, "theta_dot_scale is '1'; it must be a number, at least 1e-09"),
     ],
     ids=str,
 )

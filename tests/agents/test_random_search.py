@@ -48,7 +48,10 @@ def test_it_pushes_to_the_side_of_the_weighted_sum():
 @pytest.mark.parametrize("name", [each.name for each in fields(RandomSearch)])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), "1"])
 def test_impossible_settings_are_refused_by_name(name, value):
-    with pytest.raises(UprightError, match=f"^{name} is .*; it must be a number, above 0$"):
+    with pytest.raises(
+        UprightError,
+        match=f"^{name} is .*; it must be a number, at least 1e-09 and at most 1,000,000,000$",
+    ):
         RandomSearch(**{name: value})
 
 

@@ -314,8 +314,8 @@ def test_a_success_changes_nothing():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"learning_rate": 0.0}, "learning_rate is 0.0; it must be a number, above 0"),
-        ({"learning_rate": math.inf}, "learning_rate is inf; it must be a number, above 0"),
+        ({"learning_rate": 0.0}, "learning_rate is 0.0; it must be a number, at least 1e-09"),
+        ({"learning_rate": math.inf}, "learning_rate is inf; it must be a number, at least 1e-09"),
         ({"discount": 1.1}, "discount is 1.1; it must be a number, at least 0 and at most 1"),
         ({"discount": math.nan}, "discount is nan;"),
         ({"baseline": "none"}, "baseline is 'none'; it must be one of mean, fitted"),

@@ -205,8 +205,8 @@ def test_every_parameter_of_the_plant_can_be_set(command, capsys, monkeypatch):
         ("half_length", "--parameter is 'half_length'; it must be NAME=VALUE"),
         ("length=1", "parameter is 'length'; it must be one of gravity"),
         ("half_length=long", "half_length is 'long'; it must be a number"),
-        ("half_length=-1", "half_length is -1.0; it must be a number, above 0"),
-        ("half_length=nan", "half_length is nan; it must be a number, above 0"),
+        ("half_length=-1", "half_length is -1.0; it must be a number, at least 1e-12"),
+        ("half_length=nan", "half_length is nan; it must be a number, at least 1e-12"),
     ],
 )
 def test_an_impossible_parameter_is_refused_by_name(text, named, capsys):

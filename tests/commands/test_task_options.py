@@ -106,7 +106,9 @@ def test_a_wrong_file_is_refused_in_one_line(command, capsys):
     Path("my-cart.toml").write_text("[parameters]\nhalf_length = -1\n")
     assert run([*command.split(), "--task", "my-cart.toml"]) == BAD_USE
     where = "task file is 'my-cart.toml'; line 2, parameters.half_length: half_length is -1; it"
-    assert capsys.readouterr().err.startswith(f"upright: error: {where} must be a number, above 0")
+    assert capsys.readouterr().err.startswith(
+        f"upright: error: {where} must be a number, at least 1e-12"
+    )
 
 
 def test_commands_go_on_with_a_task_that_is_saved_and_played(capsys):

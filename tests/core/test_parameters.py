@@ -91,7 +91,7 @@ def test_parameters_are_numbers_whatever_they_are_given_as():
     ("changes", "named"),
     [
         ({"length": 1.0}, "parameter is 'length'; it must be one of gravity"),
-        ({"half_length": 0}, "half_length is 0; it must be a number, above 0"),
+        ({"half_length": 0}, "half_length is 0; it must be a number, at least 1e-12"),
         ({"half_length": "long"}, "half_length is 'long'; it must be a number"),
     ],
 )
@@ -144,7 +144,7 @@ def test_parameters_may_be_given_by_name():
     assert upright.TaskSpec(parameters=LONG).parameters == Parameters(**LONG)
 
 
-@pytest.mark.parametrize("value", [1e-9, 1e-300])
+@pytest.mark.parametrize("value", [1e-9, 1e-12])
 def test_what_mujoco_cannot_simulate_is_refused_in_one_line(value):
     with pytest.raises(upright.UprightError, match="MuJoCo refuses these parameters") as error:
         upright.learn("random-search", plant="mujoco", parameters={"half_length": value})

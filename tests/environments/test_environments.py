@@ -261,7 +261,7 @@ def test_a_window_opens_with_the_first_episode_and_closes():
         ({"start": State(-1.0, 0.0, 0.0, 0.0)}, r"start\.x is -1\.0"),
         ({"reward": "gold"}, "reward is 'gold'; it must be one of survival, failure"),
         ({"dtype": "int8"}, "dtype is 'int8'; it must be one of float32, float64"),
-        ({"parameters": {"pole_mass": 0}}, "pole_mass is 0; it must be a number, above 0"),
+        ({"parameters": {"pole_mass": 0}}, "pole_mass is 0; it must be a number, at least 1e-12"),
         ({"parameters": {"time_step": -0.02}}, "time_step is -0.02"),
         ({"parameters": {"time_step": float("inf")}}, "time_step is inf"),
         ({"parameters": {"mass": 1.0}}, "parameter is 'mass'; it must be one of gravity"),

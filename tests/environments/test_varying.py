@@ -333,7 +333,10 @@ def test_a_run_of_an_environment_begins_when_it_is_seeded():
 
 IMPOSSIBLE = [
     ({"parameters": {"half_length": 0}}, "half_length is 0"),
-    ({"parameters": {"half_length": math.nan}}, "half_length is nan; it must be a number, above 0"),
+    (
+        {"parameters": {"half_length": math.nan}},
+        "half_length is nan; it must be a number, at least 1e-12",
+    ),
     ({"parameters": {"half_length": "long"}}, "half_length is 'long'; it must be a number"),
     ({"parameters": {"half_length": [1.0, 2.0]}}, r"half_length is \[1.0, 2.0\]; it must be a num"),
     ({"parameters": {"length": 1.0}}, "parameter is 'length'; it must be one of gravity"),
@@ -377,8 +380,11 @@ def test_what_is_given_for_environments_that_are_not_reset_does_not_matter():
         ({"randomise": {"half_length": 1.0}}, r"randomise has half_length: 1.0; it must be \(low"),
         ({"randomise": {"half_length": (1.0, 0.5)}}, r"\(1.0, 0.5\); it must be \(low, high\)"),
         ({"randomise": {"half_length": (0.5, 1.0, "exp")}}, "it must be"),
-        ({"randomise": {"gravity": (0, 1, "log")}}, "with low above 0"),
-        ({"randomise": {"half_length": (0, 1)}}, "half_length is 0; it must be a number, above 0"),
+        ({"randomise": {"gravity": (0, 1, "log")}}, "with low at least 1e-12"),
+        (
+            {"randomise": {"half_length": (0, 1)}},
+            "half_length is 0; it must be a number, at least 1e-12",
+        ),
         ({"randomise": {"half_length": (1, math.inf)}}, "half_length is inf"),
         ({"randomise": {"length": (1, 2)}}, "parameter in randomise is 'length'; it must be one"),
         ({"randomise": [1, 2]}, r"randomise is \[1, 2\]; it must be a dictionary"),

@@ -372,7 +372,10 @@ BAD_FILES = {
         "sha256 of a stage is '00'",
     ),
     # Settings
-    "impossible": (change_settings(x_scale=-1), "x_scale is -1.0; it must be a number, above 0"),
+    "impossible": (
+        change_settings(x_scale=-1),
+        "x_scale is -1.0; it must be a number, at least 1e-09",
+    ),
     "endless": (change_settings(x_scale=float("inf")), "x_scale is inf"),
     "too large": (change_settings(x_scale=10**400), "cannot be read"),
     "words": (change_settings(x_scale="1"), "x_scale is '1'; it must be like 2.4"),

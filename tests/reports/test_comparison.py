@@ -143,7 +143,7 @@ def test_a_store_is_given_by_its_path_or_open(tmp_path):
         ({"runs": 0}, "runs is 0"),
         ({"stepz": 3}, "part of a task is 'stepz'"),
         ({"parameters": {"force": []}}, "force is []; it must be a number, or several"),
-        ({"parameters": {"force": [1, 0]}}, "force is 0; it must be a number, above 0"),
+        ({"parameters": {"force": [1, 0]}}, "force is 0; it must be a number, at least 1e-12"),
         ({"parameters": {"force": "1:2:3"}}, "force is '1:2:3'; it must be a number"),
         ({"parameters": {"length": [1, 2]}}, "parameter is 'length'"),
         ({"parameters": {"force": range(1, 1002)}}, "the sweep has 1,001 cases"),

@@ -3,6 +3,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from upright.agents.ase_ace import AseAce
 from upright.agents.q_learning import QLearning
@@ -10,6 +12,7 @@ from upright.agents.reinforce import Reinforce
 from upright.errors import UprightError
 from upright.support import settings
 from upright.support.settings import (
+    change_settings,
     combinations,
     numbers_in,
     pairs,
@@ -157,3 +160,32 @@ def test_values_may_be_numbers_of_numpy_and_lists():
     changed = with_values(QLearning(), {"learning_rate": np.float64(0.5), "x_edges": [-1.0, 1.0]})
     assert changed == QLearning(learning_rate=0.5, x_edges=(-1.0, 1.0))
     assert type(changed.learning_rate) is float
+
+
+@pytest.mark.parametrize(
+    "text", ["-" * 3000 + "1", "(" * 3000, "[" * 90 + "]" * 90, "1+" * 3000 + "1"]
+)
+def test_values_nested_deep_are_refused_in_one_short_line(text):
+    for name, like in (("x_edges", r"\(-1.6, 1.6\)"), ("mirrored", "True")):
+        with pytest.raises(
+            UprightError, match=rf"^{name} is '.*'; it must be like {like}$"
+        ) as error:
+            change_settings(QLearning(), {name: text})
+        assert len(str(error.value)) < 300
+
+
+def test_texts_of_values_are_bounded():
+    with pytest.raises(
+        UprightError, match=r"^--set is 'x=0,0.*'; it has 10,003 characters; at most"
+    ):
+        list(pairs("--set", ["x=" + "0," * 5000 + "0"]))
+
+
+@given(st.text(max_size=30) | st.integers().map(str) | st.floats().map(str))
+def test_any_text_is_a_value_or_refused(text):
+    for name in ("learning_rate", "replay_size", "mirrored", "x_edges"):
+        try:
+            found = change_settings(QLearning(), {name: text})
+        except UprightError:
+            found = QLearning()
+        assert type(getattr(found, name)) is type(getattr(QLearning(), name))

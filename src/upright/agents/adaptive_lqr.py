@@ -44,6 +44,7 @@ from upright.agents.parts import policy_form
 from upright.agents.parts.history import BLOCK, set_newest, shift, unchanged
 from upright.agents.parts.least_squares import factorise, solve
 from upright.core.compiled import compiled, inlined
+from upright.core.parameters import LARGEST
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -337,14 +338,15 @@ class AdaptiveLQR:
         """Refuse impossible settings."""
         require("history", self.history, 1, 100, whole=True)
         for name in ("ridge", "push_ridge", "push_cost"):
-            require(name, getattr(self, name), 0, above=True)
-        require("ridge_growth", self.ridge_growth, 1)
+            require(name, getattr(self, name), 1 / LARGEST, LARGEST)
+        require("ridge_growth", self.ridge_growth, 1, 1000)
+        require("ridge_growth ** history", self.ridge_growth**self.history, 1, 1e100)
         for name in ("x_cost", "x_dot_cost", "theta_cost", "theta_dot_cost"):
-            require(name, getattr(self, name), 0)
+            require(name, getattr(self, name), 0, LARGEST)
         require("horizon", self.horizon, 1, 10_000, whole=True)
         require("exploration", self.exploration, 0, 1)
-        require("learning_steps", self.learning_steps, 0, whole=True)
-        require("kept_samples", self.kept_samples, 0, above=True)
+        require("learning_steps", self.learning_steps, 0, 10**9, whole=True)
+        require("kept_samples", self.kept_samples, 1 / LARGEST, LARGEST)
 
     def agent(self, rng: np.random.Generator) -> AdaptiveLQRAgent:
         """Return a new agent that has seen nothing."""

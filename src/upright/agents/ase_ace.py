@@ -40,6 +40,7 @@ from upright.agents.parts.boxes import (
     tabulate,
 )
 from upright.core.compiled import compiled, inlined
+from upright.core.parameters import LARGEST
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -210,7 +211,7 @@ class AseAce:
         require("discount", self.discount, 0, 1)
         require("actor_trace_decay", self.actor_trace_decay, 0, 0.9999)
         require("critic_trace_decay", self.critic_trace_decay, 0, 0.9999)
-        require("noise", self.noise, 0, 1e6, above=True)
+        require("noise", self.noise, 1 / LARGEST, 1e6)
         check_edges(self)
 
     def agent(self, rng: np.random.Generator) -> AseAceAgent:

@@ -29,6 +29,7 @@ import numpy as np
 from upright.agents.parts import policy_form
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled, inlined
+from upright.core.parameters import LARGEST
 from upright.errors import require, require_one_of
 from upright.support.short_repr import short_repr
 
@@ -378,9 +379,9 @@ class DirectNDP:
         """Refuse impossible settings."""
         require("hidden", self.hidden, 1, 1000, whole=True)
         for name in ("learning_rate", "rate_decrement", "rate_floor", "init_range", "weight_limit"):
-            require(name, getattr(self, name), 0)
+            require(name, getattr(self, name), 0, LARGEST)
         for name in ("critic_threshold", "action_threshold"):
-            require(name, getattr(self, name), 0)
+            require(name, getattr(self, name), 0, LARGEST)
         require("rate_interval", self.rate_interval, 1, 10**9, whole=True)
         for name in ("critic_cycles", "action_cycles"):
             require(name, getattr(self, name), 0, 10**6, whole=True)
@@ -392,7 +393,7 @@ class DirectNDP:
         """Return a new agent with random weights."""
         action, critic = blank_network(4, self.hidden), blank_network(5, self.hidden)
         for layer in (action.layer_1, action.layer_2, critic.layer_1, critic.layer_2):
-            layer[:] = rng.uniform(-self.init_range, self.init_range, layer.shape)
+            layer[:] = rng.uniform(-self.init_range, self.init_range + 0.0, layer.shape)  # no -0
         return DirectNDPAgent(
             action=action,
             critic=critic,

@@ -36,6 +36,7 @@ from upright.agents.parts.boxes import (
     tabulate,
 )
 from upright.core.compiled import compiled, inlined
+from upright.core.parameters import LARGEST
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -207,7 +208,7 @@ class QLearning:
         require("replay_passes", self.replay_passes, 0, 1000, whole=True)
         require("replay_size", self.replay_size, 1, 10**7, whole=True)
         require("trace_decay", self.trace_decay, 0, 1)
-        require("jitter", self.jitter, 0)
+        require("jitter", self.jitter, 0, LARGEST)
         check_edges(self)
 
     def agent(self, rng: np.random.Generator) -> QLearningAgent:

@@ -46,6 +46,7 @@ from upright.agents.parts.network import (
 )
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled, inlined
+from upright.core.parameters import LARGEST
 from upright.errors import require, require_one_of
 from upright.support.short_repr import short_repr
 
@@ -297,7 +298,7 @@ class Reinforce:
 
     def __post_init__(self) -> None:
         """Refuse impossible settings."""
-        require("learning_rate", self.learning_rate, 0, above=True)
+        require("learning_rate", self.learning_rate, 1 / LARGEST, LARGEST)
         require("discount", self.discount, 0, 1)
         require_one_of("baseline", self.baseline, ("mean", "fitted"))
         for name in ("episodes", "kept_steps", "epochs", "stride"):
@@ -305,8 +306,8 @@ class Reinforce:
         require("episodes * kept_steps", self.episodes * self.kept_steps, 1, MOST_KEPT, whole=True)
         for name in ("beta1", "beta2", "weight_decay"):
             require(name, getattr(self, name), 0, 0.999999)
-        require("init_std", self.init_std, 0)
-        require("logit_scale", self.logit_scale, 0, above=True)
+        require("init_std", self.init_std, 0, LARGEST)
+        require("logit_scale", self.logit_scale, 1 / LARGEST, LARGEST)
         check_scales(self)
 
     def agent(self, rng: np.random.Generator) -> ReinforceAgent:

@@ -129,7 +129,7 @@ def _learn(options: argparse.Namespace) -> int:
 
     start = load_policy(options.start_policy, options.agent) if options.start_policy else None
     case = _case_from(start, options) if start else case_of(options, plant=plant_of(options))
-    require("run", options.run, 0, 999_999)
+    require("run", options.run, 0, 10**6 - 1, whole=True)
     check_study(options.run + 1, options.seed)
     if options.plot:
         from upright.reports.names import case_name, noise_name, task_name

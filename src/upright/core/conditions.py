@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from upright.core.parameters import LARGEST, ZERO_ALLOWED, State
+from upright.core.parameters import LARGEST, State, lowest
 from upright.core.terms import (
     FRACTION,
     RANGE,
@@ -279,7 +279,7 @@ CONDITION_TERMS = {
     "wind": Term("steady force on the cart, to the right", "N", -LARGEST),
     "gust": Term("gusts push the cart with this force, left or right by chance", "N"),
     "gust-every": Term("mean time between gusts; 2 s if not given", "s", 1e-3),
-    "gust-for": Term("duration of a gust; 0.2 s if not given", "s", 1e-3),
+    "gust-for": Term("duration of a gust; 0.2 s if not given", "s", 1e-3, 1e6),
     "angle-bias": Term("the angle is measured too large by this", "degrees", -180.0, 180.0),
     "position-bias": Term("the position is measured too large by this", "m", -LARGEST),
     "encoder": Term(
@@ -399,8 +399,7 @@ def _condition(sizes: Mapping[str, Any]) -> Condition:
 def _change(step: int, parameter: str, value: Any) -> Change:
     """Return a change of a parameter, or raise an error if it cannot have this value."""
     size = abs(value) if parameter == "force" else value
-    above = parameter not in ZERO_ALLOWED
-    require(f"condition at-{step}.{parameter}", size, 0, LARGEST, above=above)
+    require(f"condition at-{step}.{parameter}", size, lowest(parameter), LARGEST)
     return Change(step, parameter, float(value))
 
 

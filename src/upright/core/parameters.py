@@ -73,10 +73,18 @@ class Parameters(NamedTuple):
     it. 0 is the published model, in which friction never lets a cart rest."""
 
 
-LARGEST = 10**9
-"""The largest value of any parameter; beyond it, sums overflow."""
+SMALLEST, LARGEST = 1e-12, 10**9
+"""The smallest value of a parameter that may not be zero, and the largest of any; beyond them,
+quotients and sums overflow."""
 ZERO_ALLOWED = ("gravity", "cart_friction", "pole_friction", "gravity_along", "static_friction")
 """Parameters that may be zero."""
+
+
+def lowest(name: str) -> float:
+    """Return the smallest value that a parameter may have."""
+    if name == "gravity_along":
+        return -LARGEST
+    return 0 if name in ZERO_ALLOWED else SMALLEST
 
 
 def check_parameters(parameters: Parameters) -> Parameters:
@@ -85,12 +93,11 @@ def check_parameters(parameters: Parameters) -> Parameters:
     Raises
     ------
     UprightError
-        If a value is not finite or beyond LARGEST, a friction is negative, another quantity is not
-        positive, or a cart at rest has less friction than a moving one.
+        If a value is not finite or beyond LARGEST, a friction is negative, another quantity is
+        below SMALLEST, or a cart at rest has less friction than a moving one.
     """
     for name, value in parameters._asdict().items():
-        low = -LARGEST if name == "gravity_along" else 0
-        require(name, value, low, LARGEST, above=name not in ZERO_ALLOWED)
+        require(name, value, lowest(name), LARGEST)
     if 0.0 < parameters.static_friction < parameters.cart_friction:
         raise UprightError(
             f"static_friction is {parameters.static_friction}; it must be 0, or at least the "

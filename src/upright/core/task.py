@@ -231,7 +231,9 @@ def _changed_by(condition: Condition, parameters: Parameters) -> Parameters:
 
 
 def check_varied(condition: Condition, parameters: Parameters) -> None:
-    """Raise UprightError if a cart at rest could come to have less friction than a moving one.
+    """Raise UprightError if a run's plant could be impossible.
+
+    That is, out of range, or with less friction for a cart at rest than for a moving one.
 
     Parameters
     ----------
@@ -240,6 +242,10 @@ def check_varied(condition: Condition, parameters: Parameters) -> None:
     parameters
         The parameters of the plant under this condition.
     """
+    if condition.varies_plant:
+        for end in (0, 1):
+            varied = {name: ends[end] for name, ends in VARIED.items()}
+            check_parameters(_times_powers_of_2(parameters, varied))
     ranges = {name: drawn[:2] for name, drawn in (*condition.each_run, *condition.each_episode)}
     for _, name, value in condition.changes:
         ends = *ranges.get(name, (getattr(parameters, name),)), value
@@ -271,14 +277,19 @@ def draw_run(
     return parameters
 
 
+VARIED = {"half_length": (-2, 1), "cart_mass": (-1, 1), "pole_mass": (-1, 1)}
+"""The lowest and the highest power of 2 that each parameter of a random plant is multiplied by."""
+
+
 def draw_plant(parameters: Parameters, rng: "np.random.Generator") -> Parameters:
     """Return the parameters of a random plant: half to twice the masses, a pole of 0.25 to 2 m.
 
     Each factor is drawn log-uniformly. The pole's length holds for a nominal pole of 1 m.
     """
-    half_length, cart, pole = rng.uniform((-2, -1, -1), (1, 1, 1)).tolist()
-    return parameters._replace(
-        half_length=parameters.half_length * 2.0**half_length,
-        cart_mass=parameters.cart_mass * 2.0**cart,
-        pole_mass=parameters.pole_mass * 2.0**pole,
-    )
+    drawn = rng.uniform(*zip(*VARIED.values(), strict=True)).tolist()
+    return _times_powers_of_2(parameters, dict(zip(VARIED, drawn, strict=True)))
+
+
+def _times_powers_of_2(parameters: Parameters, powers: Mapping[str, float]) -> Parameters:
+    values = {name: getattr(parameters, name) * 2.0**power for name, power in powers.items()}
+    return parameters._replace(**values)

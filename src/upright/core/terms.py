@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import NamedTuple
 
-from upright.core.parameters import LARGEST, ZERO_ALLOWED
+from upright.core.parameters import LARGEST, SMALLEST, lowest
 from upright.errors import UprightError, require, require_one_of
 
 FRACTION = "fraction"
@@ -232,9 +232,9 @@ def checked_range(label: str, drawn: Range) -> Range:
     Raises
     ------
     UprightError
-        If its ends are not numbers in order, or not positive where they must be.
+        If its ends are not numbers in order, or too small.
     """
-    may_be_zero = label.rpartition(".")[2] in ZERO_ALLOWED and not drawn.is_log
-    require(f"the low end of {label}", drawn.low, 0, LARGEST, above=not may_be_zero)
+    low = SMALLEST if drawn.is_log else lowest(label.rpartition(".")[2])
+    require(f"the low end of {label}", drawn.low, low, LARGEST)
     require(f"the high end of {label}", drawn.high, drawn.low, LARGEST)
     return Range(drawn.low + 0.0, drawn.high + 0.0, bool(drawn.is_log))  # floats, and no -0

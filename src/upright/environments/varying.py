@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from upright.core.compiled import compiled, guard, inlined
 from upright.core.conditions import Condition, Draw
 from upright.core.guards import require_array, require_lane
-from upright.core.parameters import Parameters, check_parameters
+from upright.core.parameters import SMALLEST, Parameters, check_parameters
 from upright.core.rig import (
     PARAMETER,
     Rig,
@@ -184,13 +184,13 @@ def _range(name: str, value: Any) -> Range:
     require_one_of("parameter in randomise", name, Parameters._fields)
     try:
         low, high, *scale = value
-        is_ordered = low <= high and (not scale or low > 0)
+        is_ordered = low <= high and (not scale or low >= SMALLEST)
     except (TypeError, ValueError):
         is_ordered, scale = False, []
     if not is_ordered or scale not in ([], ["log"], [True], [False]):
         raise UprightError(
             f"randomise has {name}: {value!r}; it must be (low, high), or (low, high, 'log') "
-            "with low above 0"
+            f"with low at least {SMALLEST}"
         )
     return Range(low, high, scale in (["log"], [True]))
 

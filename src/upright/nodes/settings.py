@@ -56,9 +56,9 @@ class SimulatorSettings:
             raise UprightError(f"start_state is {self.start_state}; it must be four numbers")
         require("seed", self.seed, 0, 2**63 - 1, whole=True)
         require("rate", self.rate, 1, 10_000)
-        require("real_time_factor", self.real_time_factor, 0, 1_000, above=True)
+        require("real_time_factor", self.real_time_factor, 0.001, 1_000)
         self.spec()
-        require("command_timeout", self.command_timeout, 0, 3600, above=True)
+        require("command_timeout", self.command_timeout, 0.001, 3600)
 
     def plant_settings(self) -> PlantSettings:
         """Return the settings of the plant."""

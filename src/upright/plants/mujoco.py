@@ -31,7 +31,14 @@ from upright.core.rig import largest_push, make_rig
 from upright.core.task import Task
 from upright.errors import UprightError, require, require_module, require_one_of
 from upright.plants import own_model
-from upright.plants.settings import RunContext, count_steps, refuse_breakaway
+from upright.plants.settings import (
+    LONGEST_STEP,
+    MOST_STEPS,
+    SHORTEST_STEP,
+    RunContext,
+    count_steps,
+    refuse_breakaway,
+)
 from upright.plants.urdf import text
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
@@ -71,7 +78,8 @@ class Mujoco:
         """Refuse impossible settings."""
         for name in ("model", "zero"):  # a path and a number will do too
             object.__setattr__(self, name, str(getattr(self, name)))
-        require("physics_step", self.physics_step, 0)
+        if self.physics_step != 0:
+            require("physics_step", self.physics_step, SHORTEST_STEP, LONGEST_STEP)
         if self.integrator:
             require_one_of("integrator", self.integrator, INTEGRATORS)
         if self.sign not in (-1, 0, 1):
@@ -176,7 +184,9 @@ class Mujoco:
         """Return the number of MuJoCo's steps between two pushes, none longer than the longest."""
         if self.physics_step:
             return count_steps(self.physics_step, time_step)
-        return max(1, math.ceil(time_step / longest - 1e-9))
+        steps = max(1, math.ceil(time_step / longest - 1e-9))
+        require("the number of physics steps between two pushes", steps, 1, MOST_STEPS, whole=True)
+        return steps
 
 
 def _require_angle(name: str, text: str) -> None:

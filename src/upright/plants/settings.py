@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
-from upright.errors import UprightError
+from upright.errors import UprightError, require
 from upright.support.settings import Fields
 
 if TYPE_CHECKING:
@@ -55,6 +55,12 @@ AnyPlant: TypeAlias = "str | PlantSettings | Callable[[Parameters], Any]"
 one."""
 
 
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
+"""The shortest and the longest time step that a simulator may be given [s]."""
+MOST_STEPS = 100_000
+"""Most physics steps between two pushes."""
+
+
 def count_steps(physics_step: float, time_step: float) -> int:
     """Return the number of physics steps between two pushes.
 
@@ -68,9 +74,10 @@ def count_steps(physics_step: float, time_step: float) -> int:
     Raises
     ------
     UprightError
-        If it is not a whole number.
+        If it is not a whole number, or too large.
     """
     steps = max(1, round(time_step / physics_step))
+    require("the number of physics steps between two pushes", steps, 1, MOST_STEPS, whole=True)
     if abs(steps * physics_step - time_step) > 1e-9 * time_step:
         allowed = ", ".join(f"{time_step / n:g}" for n in (1, 2, 4, 5, 10))
         raise UprightError(

@@ -15,6 +15,7 @@ from upright.agents.custom import name_of
 from upright.core.contracts import AnyAgent
 from upright.errors import UprightError, require_kind, require_one_of
 from upright.policies.checks import explained
+from upright.policies.divergence import refuse_diverged
 from upright.policies.policy import Policy
 from upright.support.files import check_output, write_file
 from upright.support.registry import Registry
@@ -48,8 +49,8 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     Raises
     ------
     UprightError
-        If the file cannot be written, or is to be an archive and the settings of the policy's agent
-        are unknown.
+        If the file cannot be written, the agent diverged as it learned, or the file is to be an
+        archive and the settings of the policy's agent are unknown.
 
     Examples
     --------
@@ -60,6 +61,7 @@ def save_policy(path: Path | str, policy: Policy) -> None:
     """
     require_kind("path", path, (str, Path), "the path of a file")
     require_kind("policy", policy, Policy, "what learn or load_policy returns")
+    refuse_diverged(policy)
     ending = ".json" if Path(path).suffix == ".json" else ".npz"
     write_file(path, FORMATS.module(ending).encode(policy))
 
@@ -81,8 +83,8 @@ def export_policy(path: Path | str, policy: Policy, *, greedy: bool = False) -> 
     Raises
     ------
     UprightError
-        As for `check_export`; if the policy's agent does not provide its form; or if ONNX is
-        needed and not installed.
+        As for `check_export`; if the policy's agent does not provide its form, or diverged as it
+        learned; or if ONNX is needed and not installed.
 
     Examples
     --------
@@ -94,6 +96,7 @@ def export_policy(path: Path | str, policy: Policy, *, greedy: bool = False) -> 
     """
     require_kind("path", path, (str, Path), "the path of a file")
     require_kind("policy", policy, Policy, "what learn or load_policy returns")
+    refuse_diverged(policy)
     policy = replace(policy, greedy=True) if greedy else policy
     write_file(path, FORMATS.module(check_export(path).suffix).encode(policy))
 

@@ -150,7 +150,7 @@ def learn(
     >>> [stage.trials for stage in policy.stages] == [2, result.trials]
     True
     """
-    require("run", run, 0, whole=True)
+    require("run", run, 0, 10**6 - 1, whole=True)
     check_study(run + 1, seed)
     if isinstance(agent, Policy):
         case = _case_from(agent, settings, task)

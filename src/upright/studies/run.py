@@ -1,6 +1,7 @@
 """One run: its task, its plant, its loop and its result."""
 
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing, nullcontext
 from typing import Any
@@ -16,15 +17,19 @@ from upright.core.contracts import Plant
 from upright.core.loops import loop_for
 from upright.core.task import Task
 from upright.core.trials import Result
-from upright.errors import AgentError, require_kind, require_module, require_one_of
+from upright.errors import AgentError, AgentWarning, require_kind, require_module, require_one_of
 from upright.plants import PLANTS
 from upright.plants.custom import reporting_trial
 from upright.plants.settings import RunContext
+from upright.policies.divergence import diverged_array
 from upright.policies.going_on import carry_over
 from upright.policies.policy import Policy
 from upright.studies.case import Case
 from upright.studies.observing import Observer, observed_loop
 from upright.studies.random_streams import Stream, random_numbers, sequence
+
+DIVERGED = "learning diverged"
+"""What a warning says of a run whose agent has numbers left that are none."""
 
 
 def make_run_task(case: Case, seed: int, run: int) -> Task:
@@ -105,6 +110,11 @@ def make_run(
     PlantError
         If a custom plant does the same.
 
+    Warns
+    -----
+    AgentWarning
+        If learning diverged: what the agent learned is no longer finite.
+
     Examples
     --------
     >>> case = upright.make_case("adaptive-lqr", steps=2000)
@@ -131,6 +141,9 @@ def make_run(
             began = time.perf_counter()
             success = loop(called, plant, task, rng, lengths, stop) > 0
             seconds = time.perf_counter() - began
+    if diverged_array(case.agent, agent):
+        said = f"agent is {case.agent!r}; {DIVERGED} with the settings {case.settings_name}"
+        warnings.warn(f"{said}: its numbers are no longer finite", AgentWarning, stacklevel=2)
     return agent, outcome(case, run, success, lengths, seconds)
 
 

@@ -18,6 +18,7 @@ each, as every one of them uses all cores.
 import json
 import re
 import sqlite3
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, fields, replace
@@ -29,11 +30,12 @@ import numpy as np
 from upright import __version__
 from upright.agents import AGENTS, Settings
 from upright.core.parameters import changed_parameters
-from upright.errors import UprightError, require, require_module
+from upright.errors import AgentWarning, UprightError, require, require_module
 from upright.plants import PLANTS
 from upright.studies.case import Case
 from upright.studies.executors import AnyExecutor
 from upright.studies.intervals import bootstrap_interval
+from upright.studies.run import DIVERGED
 from upright.studies.search_space import Range
 from upright.studies.settings_file import settings_text
 from upright.studies.store import Store
@@ -378,7 +380,8 @@ def _measure(
         return None
     cases = plan.cases_of(settings)
     seed = search_seed(plan.seed)
-    with Store() as store:
+    with Store() as store, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", f".*{DIVERGED}", AgentWarning)  # some candidates will
         for batch in range(BATCHES):
             runs = -(-plan.runs * (batch + 1) // BATCHES)
             make_missing_runs(cases, runs, seed, store, executor=executor)

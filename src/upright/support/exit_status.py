@@ -54,7 +54,7 @@ def exit_status(work: Callable[[], int]) -> int:
 def _plain_warnings() -> Iterator[None]:
     """Show a warning of an agent in one line, without the place in this package that gives it."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", AgentWarning)
+        warnings.simplefilter("default", AgentWarning)  # the same one once
         usual = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *place: Any) -> None:

@@ -154,6 +154,8 @@ def _named(settings: Fields, changes: Mapping[str, str]) -> Iterator[tuple[str, 
         yield name, text, present[name]
 
 
+LONGEST = 10_000
+"""Most characters of a text NAME=VALUE."""
 LARGEST_INT = 2**63 - 1
 """Largest whole number that a setting may have."""
 MOST_CASES = 1_000
@@ -293,10 +295,13 @@ def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
     Raises
     ------
     UprightError
-        If a text has no =, or a name is given twice.
+        If a text has no =, a name is given twice, or a text is longer than `LONGEST`.
     """
     given = set()
     for change in changes:
+        if len(change) > LONGEST:
+            why = f"it has {len(change):,} characters; at most {LONGEST:,} are allowed"
+            raise UprightError(f"{option} is {_quoted(change)}; {why}")
         name, sign, value = change.partition("=")
         if not sign:
             raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
@@ -317,14 +322,33 @@ def _parse(name: str, text: str, present: object) -> object:
         except UprightError as error:
             raise UprightError(f"{name} is {error}") from None
     try:
-        value = float(text) if isinstance(present, float) else ast.literal_eval(text)
+        value = float(text) if isinstance(present, float) else _literal(text)
     except (ValueError, SyntaxError):
-        raise UprightError(f"{name} is {text!r}; it must be like {present!r}") from None
+        raise UprightError(f"{name} is {_quoted(text)}; it must be like {present!r}") from None
     if isinstance(present, tuple) and isinstance(value, (int, float)):
         value = (value,)
     if not _is_like(present, value):
-        raise UprightError(f"{name} is {text!r}; it must be like {present!r}")
+        raise UprightError(f"{name} is {_quoted(text)}; it must be like {present!r}")
     return value
+
+
+def _literal(text: str) -> Any:
+    """Return the value of a Python literal.
+
+    Raises
+    ------
+    ValueError, SyntaxError
+        If it is not one, or too deep.
+    """
+    try:
+        return ast.literal_eval(text)
+    except (MemoryError, RecursionError, TypeError):  # too deep, or a list among keys
+        raise ValueError from None
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes, without its middle if it is long."""
+    return repr(text if len(text) <= 100 else f"{text[:50]} … {text[-50:]}")
 
 
 def _is_like(present: object, value: object) -> bool:

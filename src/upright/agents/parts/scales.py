@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from upright.core.parameters import LARGEST
 from upright.errors import require
 
 SCALES = ("x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale")
@@ -14,9 +15,9 @@ SCALES = ("x_scale", "x_dot_scale", "theta_scale", "theta_dot_scale")
 
 
 def check_scales(settings: Any) -> None:
-    """Raise UprightError unless the four scales that an agent's settings hold are above zero."""
+    """Raise UprightError unless the four scales that an agent's settings hold are in range."""
     for name in SCALES:
-        require(name, getattr(settings, name), 0, above=True)
+        require(name, getattr(settings, name), 1 / LARGEST, LARGEST)
 
 
 def scales_of(settings: Any) -> np.ndarray:

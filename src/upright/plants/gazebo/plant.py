@@ -19,7 +19,13 @@ from upright.core.task import Task
 from upright.errors import Stopped, UprightError, require, require_one_of
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.server import RESET, STEP, Server, ServerGoneError
-from upright.plants.settings import RunContext, count_steps, refuse_breakaway
+from upright.plants.settings import (
+    LONGEST_STEP,
+    SHORTEST_STEP,
+    RunContext,
+    count_steps,
+    refuse_breakaway,
+)
 
 ENGINES = ("dart", "ode")
 """Those of Gazebo's physics engines that were compared with the equations."""
@@ -48,8 +54,9 @@ class Gazebo:
     def __post_init__(self) -> None:
         """Refuse impossible settings, and those that are known to be inaccurate."""
         require_one_of("engine", self.engine, ENGINES)
-        require("physics_step", self.physics_step, 0, above=True)
-        require("real_time_factor", self.real_time_factor, 0)
+        require("physics_step", self.physics_step, SHORTEST_STEP, LONGEST_STEP)
+        if self.real_time_factor != 0:
+            require("real_time_factor", self.real_time_factor, 0.001, 1000)
         if self.engine == "ode" and self.physics_step > ODE_STEP:
             raise UprightError(
                 f"physics_step is {self.physics_step}; with ODE it must be at most {ODE_STEP}: in "

@@ -26,8 +26,8 @@ class Ros2:
 
     def __post_init__(self) -> None:
         """Refuse impossible values."""
-        require("watchdog", self.watchdog, 0, 3600, above=True)
-        require("patience", self.patience, 0, 3600, above=True)
+        require("watchdog", self.watchdog, 0.001, 3600)
+        require("patience", self.patience, 0.001, 3600)
 
     def make(self, context: RunContext) -> tuple[Plant, Task]:
         """Connect to a simulator, which produces the noise; return it with the noise-free task.
