@@ -39,10 +39,10 @@ class AgentError(CodeError):
     Examples
     --------
     >>> try:
-    ...     upright.make_case("fractions:Fraction")
+    ...     upright.make_case("numpy:dtype")
     ... except upright.AgentError as error:
     ...     print(str(error).splitlines()[0])  # doctest: +ELLIPSIS
-    agent is 'fractions:Fraction'; ...
+    agent is 'numpy:dtype'; ...
     """
 
     owner = "agent"
@@ -57,10 +57,10 @@ class PlantError(CodeError):
     Examples
     --------
     >>> try:
-    ...     upright.make_case("reinforce", plant="fractions:Fraction")
+    ...     upright.make_case("reinforce", plant="numpy:dtype")
     ... except upright.PlantError as error:
     ...     print(str(error).splitlines()[0])  # doctest: +ELLIPSIS
-    plant is 'fractions:Fraction'; ...
+    plant is 'numpy:dtype'; ...
     """
 
     owner = "plant"

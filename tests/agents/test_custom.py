@@ -285,12 +285,14 @@ def test_a_name_in_other_letters_is_guessed(write, capsys):
     [
         ("no_such_module_42:A", "there is no module 'no_such_module_42'"),
         ("no_such_package_42.part:A", "there is no module 'no_such_package_42.part'"),
-        ("json.no_such_part_42:A", "there is no module 'json.no_such_part_42'"),
+        ("numpy.no_such_part_42:A", "there is no module 'numpy.no_such_part_42'"),
+        ("os:system", "os is a module of Python itself, which has no agent"),
+        ("xml.dom:A", "xml.dom is a module of Python itself"),
         (":A", "'' is not the name of a module"),
         (".here:A", "'.here' is not the name of a module"),
         ("some/file.py:A", "there is no file 'some/file.py'; a custom agent is named module:name"),
-        ("json:", "there is no class or function ''"),
-        ("json:dumps:x", "there is no class or function 'dumps:x'"),
+        ("numpy:", "there is no class or function ''"),
+        ("numpy:dot:x", "there is no class or function 'dot:x'"),
     ],
 )
 def test_a_name_that_leads_nowhere_is_refused_in_one_line(agent, said, capsys):

@@ -104,6 +104,7 @@ def agent_named(given: str) -> str:
     UprightError
         If the file is missing, cannot be a module, or has no agent or several.
     """
+    import os
     from pathlib import Path
 
     from upright.agents.checks.names import advice, agents_in
@@ -114,8 +115,8 @@ def agent_named(given: str) -> str:
     if not file.endswith(".py"):
         return given
     path = Path(file)
-    parts = module_parts(path)
-    if not path.is_file() or not all(part.isidentifier() for part in parts):
+    parts = module_parts(path) if os.path.isfile(path) else [""]
+    if not all(part.isidentifier() for part in parts):
         raise UprightError(f"agent is {given!r}; {advice(given)}")
     module, names = ".".join(parts), [name] if name else agents_in(path) or classes_in(path)
     if len(names) > 1:
@@ -136,8 +137,9 @@ def classes_in(path: "Path") -> list[str]:
     """
     import ast
 
-    try:
-        body = ast.parse(path.read_bytes()).body
-    except (SyntaxError, ValueError):
+    from upright.support.code_names import statements
+
+    body = statements(path)
+    if body is None:
         return ["agent"]
     return [node.name for node in body if isinstance(node, ast.ClassDef)]

@@ -123,10 +123,7 @@ def advice(name: str) -> str:
 
 def plants_in(path: Path) -> list[str]:
     """Return the names in a file that look like plants: classes that can be stepped and reset."""
-    try:
-        body = ast.parse(path.read_text(encoding="utf-8")).body
-    except (OSError, ValueError, SyntaxError):
-        return []
+    body = code_names.statements(path) or []
     classes = [node for node in body if isinstance(node, ast.ClassDef)]
     return [
         node.name

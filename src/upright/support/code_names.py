@@ -1,5 +1,6 @@
 """Advise how to name custom code whose file was named instead: `mine.py:Pd` is `mine:Pd`."""
 
+import ast
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -29,9 +30,10 @@ def advice(name: str, kind: str, found_in: Callable[[Path], list[str]]) -> str:
     """
     file, made = _split(name)
     path = Path(file if file.endswith(".py") else f"{file}.py")
-    if not (file.endswith(".py") or os.sep in file or path.is_file()):
+    is_file = os.path.isfile(path)  # unlike Path.is_file, it raises nothing for any name
+    if not (file.endswith(".py") or os.sep in file or is_file):
         return ""
-    if not path.is_file():
+    if not is_file:
         return f"there is no file {str(path)!r}; a custom {kind} is named module:name"
     found = [made] if made else found_in(path)
     parts = module_parts(path)
@@ -49,6 +51,14 @@ def advice(name: str, kind: str, found_in: Callable[[Path], list[str]]) -> str:
         return f"write {f'{module}:{found[0]}'!r}{folder}"
     which = f", where NAME is one of {', '.join(found[:LISTED])}" if found else ""
     return f"write '{module}:NAME'{folder}{which}"
+
+
+def statements(path: Path) -> list[ast.stmt] | None:
+    """Return the statements at the top level of a file; None if it is not one of Python."""
+    try:
+        return ast.parse(path.read_bytes()).body
+    except (OSError, ValueError, SyntaxError, RecursionError, MemoryError):
+        return None  # the last two are raised of code that is nested too deep
 
 
 def module_parts(path: Path) -> list[str]:

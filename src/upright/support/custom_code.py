@@ -3,14 +3,16 @@
 import inspect
 import os
 import sys
+import sysconfig
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from upright.errors import CodeError, UprightError, did_you_mean
-from upright.support.faults import RAISED, fault
+from upright.support.faults import RAISED, fault, reporting
 
 
 class CustomCode(NamedTuple):
@@ -39,8 +41,9 @@ class CustomCode(NamedTuple):
         """
         module, name = self._module(), self.path.partition(":")[2]
         found: Any = module
-        for part in name.split("."):
-            found = getattr(found, part, None)
+        with reporting(self.error, self.path, f"{name!r} cannot be had from its module"):
+            for part in name.split("."):
+                found = getattr(found, part, None)
         if not callable(found):
             names = (key for key, value in vars(module).items() if callable(value))
             hint = did_you_mean(name, names)
@@ -83,7 +86,8 @@ class CustomCode(NamedTuple):
 
     def summary(self) -> str:
         """Return the first line of its docstring or of its module's; empty if there is none."""
-        return (inspect.getdoc(self.find()) or self._module().__doc__ or "").partition("\n")[0]
+        text = inspect.getdoc(self.find()) or self._module().__doc__ or ""
+        return str(text).partition("\n")[0]
 
     def source(self) -> Path:
         """Return the file of its module.
@@ -99,13 +103,20 @@ class CustomCode(NamedTuple):
         return Path(file)
 
     def _module(self) -> ModuleType:
-        """Return the module; it may also be in the current folder, as for Python itself."""
+        """Return the module; it may also be in the current folder, as for Python itself.
+
+        Nothing of Python's own modules is imported or called: none has what is looked for, and
+        `os:abort` or `antigravity:x` do something else instead.
+        """
         name = self.path.partition(":")[0]
-        if not all(part.isidentifier() for part in name.split(".")) or Path(name).is_file():
+        if not all(part.isidentifier() for part in name.split(".")) or os.path.isfile(name):
             why = self.advice(self.path) or f"{name!r} is not the name of a module"
             raise UprightError(f"{self._is}; {why}")
         if os.getcwd() not in sys.path:
             sys.path.insert(0, os.getcwd())
+        if _is_of_python(name):
+            why = f"{name} is a module of Python itself, which has no {self.error.owner}"
+            raise UprightError(f"{self._is}; {why}")
         try:
             return import_module(name)
         except RAISED as error:
@@ -113,6 +124,17 @@ class CustomCode(NamedTuple):
                 why = f"there is no module {name!r} in this folder or where Python looks"
                 raise UprightError(f"{self._is}; {why}") from error
             raise fault(self.error, self.path, "its module cannot be imported", error) from error
+
+
+def _is_of_python(name: str) -> bool:
+    """Whether a module is of Python's standard library, and no file of the user's hides it."""
+    top = name.partition(".")[0]
+    if top not in sys.stdlib_module_names:
+        return False
+    spec = find_spec(top)
+    if spec is None or spec.origin is None or not spec.has_location:
+        return True
+    return Path(spec.origin).is_relative_to(sysconfig.get_path("stdlib"))
 
 
 def _is_missing(name: str, error: BaseException) -> bool:

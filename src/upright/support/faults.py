@@ -13,8 +13,10 @@ from upright.support.files import INSTALLED, PACKAGE
 
 E = TypeVar("E", bound=CodeError)
 
-RAISED = (Exception, SystemExit)
-"""What custom code may raise. SystemExit is one, because it would end a command with 0."""
+RAISED = BaseException
+"""What custom code may raise: SystemExit, for example, would end a command with 0. Whatever is
+caught is given to `fault`, which lets Ctrl-C pass.
+"""
 
 LIBRARIES = ("numba", "numpy")
 """Installed packages that are never custom code."""
@@ -34,11 +36,22 @@ def fault(kind: type[E], name: str, what: str, error: BaseException) -> E:
     what
         What failed and where, such as "act failed in run 0, trial 3, step 17".
     error
-        The exception.
+        The exception. KeyboardInterrupt is raised again.
     """
-    raised, reason = type(error).__name__, str(error).partition("\n")[0]
+    if isinstance(error, KeyboardInterrupt):
+        raise error
+    raised, reason = type(error).__name__, _said(error).partition("\n")[0]
     first = f"{kind.owner} is {name!r}; {what}: {raised}" + (f": {reason}" if reason else "")
-    return kind(f"{first}\n{own_traceback(error)}")
+    frames = own_traceback(error)
+    return kind(f"{first}\n{frames}" if "\n" in frames else first)
+
+
+def _said(error: BaseException) -> str:
+    """Return the message of an exception, whose own code makes it."""
+    try:
+        return str(error)
+    except Exception:
+        return "its message cannot be shown"
 
 
 def place(run: str, trial: int, step: int = 0) -> str:

@@ -23,12 +23,9 @@ def agents_in(path: Path) -> list[str]:
     These are classes that act or train, and functions of one argument `rng` that create an agent
     (which a NamedTuple needs). A class that another of these is derived from is left out.
     """
-    try:
-        body = ast.parse(path.read_text(encoding="utf-8")).body
-    except (OSError, ValueError, SyntaxError):
-        return []
+    body = code_names.statements(path) or []
     classes = [node for node in body if isinstance(node, ast.ClassDef)]
-    bases = {node.name: {ast.unparse(base) for base in node.bases} for node in classes}
+    bases = {node.name: {_name(base) for base in node.bases} for node in classes}
     derived_from = set().union(*bases.values())
     acting = [node.name for node in classes if _methods(node) & {"act", "train"}]
     made = [
@@ -38,6 +35,13 @@ def agents_in(path: Path) -> list[str]:
     ]
     tuples = {"NamedTuple", "typing.NamedTuple"}
     return [name for name in acting if not bases[name] & tuples and name not in derived_from] + made
+
+
+def _name(base: ast.expr) -> str:
+    """Return the dotted name of a class that another is derived from; empty if it has none."""
+    if isinstance(base, ast.Attribute):
+        return f"{_name(base.value)}.{base.attr}"
+    return base.id if isinstance(base, ast.Name) else ""
 
 
 def _methods(node: ast.ClassDef) -> set[str]:
