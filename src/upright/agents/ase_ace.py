@@ -116,6 +116,11 @@ class AseAceAgent(NamedTuple):
         """Return the policy as data."""
         return tabulate(self.boxes, self.push_probability)
 
+    def index_limits(self):
+        """Return the least and greatest number in each array of indices, as files must keep it."""
+        boxes = len(self.traced_boxes)
+        return {"traced_boxes": (0, boxes - 1), "traced_count": (0, boxes)}
+
 
 @inlined
 def find_place(agent, observation):

@@ -100,6 +100,11 @@ class QLearningAgent(NamedTuple):
         """Return the policy as data."""
         return tabulate(self.boxes, self.push_probability)
 
+    def index_limits(self):
+        """Return the least and greatest number in each array of indices, as files must keep it."""
+        boxes = math.prod(self.boxes.parts)
+        return {"move_entries": (0, len(self.table) - 1), "move_boxes": (FALL, boxes - 1)}
+
 
 # ---- The table -----------------------------------------------------------------------------------
 

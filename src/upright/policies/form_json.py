@@ -26,16 +26,8 @@ NUMBERS = ("layers", "scales", "past", "edges", "probabilities")
 
 
 def form_entries(form: Form) -> dict[str, Any]:
-    """Return a form as plain data, from which `restore_form` restores it.
-
-    Raises
-    ------
-    UprightError
-        If `restore_form` would refuse it.
-    """
-    entries = _table_entries(form) if isinstance(form, Table) else _network_entries(form)
-    restore_form(entries)
-    return entries
+    """Return a form as plain data, from which `restore_form` restores it."""
+    return _table_entries(form) if isinstance(form, Table) else _network_entries(form)
 
 
 def _network_entries(network: Network) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def encode(policy: Policy) -> str:
     Raises
     ------
     UprightError
-        If the policy's agent does not provide its form, or the form is too large to be read again.
+        If the policy's agent does not provide its form, or a number in it is out of bounds.
     """
     entries = {"format": JSON_FORMAT, **policy.contract(), **form_entries(form_of(policy))}
     lines = (f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items())

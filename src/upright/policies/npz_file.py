@@ -41,7 +41,7 @@ from upright.policies.plain_state import (
     describe_state,
     encode_state,
 )
-from upright.policies.policy import Policy
+from upright.policies.policy import Policy, check_form
 from upright.policies.stages import SavedAs, describe_stages, read_stages
 from upright.support.settings import values_of
 
@@ -57,6 +57,8 @@ STATE = "state"
 """Name of the member that holds a plain state, but for its arrays."""
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Accepted compression methods, which unpack no more than is asked for."""
+LARGEST_COUNT = 10**15
+"""Largest whole number in an agent's memory, far from where sums overflow."""
 
 
 def encode(policy: Policy) -> bytes:
@@ -66,7 +68,7 @@ def encode(policy: Policy) -> bytes:
     ------
     UprightError
         If the settings of the policy's agent are unknown, or something that the agent keeps is not
-        data.
+        data, or not a number that `load_policy` would accept.
     """
     if policy.settings is None:
         raise UprightError(
@@ -108,6 +110,11 @@ def _members(policy: Policy) -> dict[str, np.ndarray]:
     arrays = dict(arrays_of(policy.memory))
     if objects := [name for name, array in arrays.items() if array.dtype.hasobject]:
         raise _cannot_be_saved(policy, f"its array {objects[0]!r} holds objects, not numbers")
+    try:
+        check_memory(policy.agent, policy.memory)
+        check_form(policy)
+    except ValueError as error:
+        raise _cannot_be_saved(policy, f"{error}; its learning diverged") from error
     return arrays
 
 
@@ -150,8 +157,8 @@ def read(path: Path | str, agent: str | None) -> Policy:
         else:
             if not hasattr(memory, "_asdict"):
                 raise _of_another_form("a NamedTuple")
-            renamed = getattr(settings, "RENAMED_ARRAYS", {})
-            _fill(memory, archive, finite=not is_custom(header["agent"]), renamed=renamed)
+            _fill(memory, archive, renamed=getattr(settings, "RENAMED_ARRAYS", {}))
+            check_memory(header["agent"], memory)
         policy = Policy(
             header["agent"],
             memory,
@@ -161,6 +168,7 @@ def read(path: Path | str, agent: str | None) -> Policy:
             saved_as=SavedAs(Path(path).name, hashlib.sha256(Path(path).read_bytes()).hexdigest()),
             greedy=is_greedy(header),
         )
+        check_form(policy)
         check_contract(policy, header, {"version"})
     return policy
 
@@ -233,9 +241,7 @@ def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     return np.ndarray(shape, dtype, data, order="F" if by_columns else "C")
 
 
-def _fill(
-    memory: Any, archive: zipfile.ZipFile, *, finite: bool, renamed: Mapping[str, str]
-) -> None:
+def _fill(memory: Any, archive: zipfile.ZipFile, *, renamed: Mapping[str, str]) -> None:
     """Fill all arrays of a memory after checking that the archive declares the same ones.
 
     `renamed` maps the names of arrays in older files to their present names.
@@ -258,7 +264,22 @@ def _fill(
                 )
             data = _read(member, array.nbytes)
         array[...] = np.ndarray(shape, dtype, data, order="F" if by_columns else "C")
-        if finite and not np.isfinite(array).all():
+
+
+def check_memory(agent: str, memory: Any) -> None:
+    """Raise ValueError unless compiled code can work with the numbers in a memory.
+
+    It trusts indices blindly: `index_limits()` of a memory returns the least and the greatest
+    number that may stand in its arrays of indices, by name. Of the package's own agents, other
+    whole numbers are counts, and all numbers are finite.
+    """
+    limits: dict[str, tuple[int, int]] = getattr(memory, "index_limits", dict)()
+    for name, array in arrays_of(memory):
+        if array.dtype.kind == "i" and (name in limits or not is_custom(agent)):
+            low, high = limits.get(name, (0, LARGEST_COUNT))
+            if not ((low <= array) & (array <= high)).all():
+                raise ValueError(f"{name} holds a number that is not from {low:,} to {high:,}")
+        elif not is_custom(agent) and not np.isfinite(array).all():
             raise ValueError(f"{name} holds a number that is not finite")
 
 

@@ -18,6 +18,7 @@ from upright.errors import AgentError, UprightError
 from upright.plants import describe_plant
 from upright.plants.equations import EQUATIONS
 from upright.policies.acting import Actor
+from upright.policies.form_json import form_entries, restore_form
 from upright.policies.greedy import GREEDY_ACTION, greedy_form
 from upright.policies.stages import SavedAs, Stage
 from upright.support.short_repr import call
@@ -171,19 +172,30 @@ def task_as_data(spec: TaskSpec, seed: int, run: int, plant: Mapping[str, Any]) 
 
 
 def form_of(policy: Policy) -> Form:
-    """Return what a policy computes, as data.
+    """Return what a policy computes, as data, its numbers checked.
 
     Raises
     ------
     UprightError
-        If the policy's agent does not provide it.
+        If the policy's agent does not provide it, or a number is out of bounds.
     """
-    if policy.form is None:
+    form = policy.form
+    if form is None:
         raise UprightError(
             f"agent is {policy.agent!r}; its policy cannot be exported: it lacks the method "
             "policy_form(), which returns a Network or a Table of upright.agents.parts.policy_form"
         )
-    return policy.form
+    restore_form(form_entries(form))
+    return form
+
+
+def check_form(policy: Policy) -> None:
+    """Raise UprightError if an agent of the package computes with numbers out of bounds.
+
+    So no sum overflows, and every such policy that is saved or loaded can be exported.
+    """
+    if not is_custom(policy.agent):
+        form_of(policy)
 
 
 def describe(contract: dict[str, Any]) -> str:
