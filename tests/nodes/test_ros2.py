@@ -88,7 +88,7 @@ def is_gone(group):
 def simulate(start):
     def simulate_with(options=""):
         process = start(f"ros2 simulate {options}")
-        assert process.stdout.readline().startswith("simulating equations")
+        assert process.stdout.readline().startswith("simulating ")
         return process
 
     return simulate_with
@@ -116,7 +116,7 @@ class Hand:
 
         from upright.plants.ros2.node import KEPT, QOS, make_executor
 
-        self.states, self.words = [], []
+        self.node, self.states, self.words = node, [], []
         self.message, self.trigger = Float64MultiArray, Trigger.Request
         self.effort = node.create_publisher(Float64MultiArray, "effort", QOS)
         node.create_subscription(JointState, "joint_states", self.states.append, QOS)
@@ -126,6 +126,29 @@ class Hand:
         self.executor.add_node(node)
         self.until(lambda: self.words and self.effort.get_subscription_count())
         assert self.reset_service.wait_for_service(LIMIT)
+
+    def send_until(self, ready, raw):
+        """Publish bytes on the topic of measurements, again and again, as one may be lost."""
+        from sensor_msgs.msg import JointState
+
+        from upright.plants.ros2.node import QOS
+
+        publisher = self.node.create_publisher(JointState, "joint_states", QOS)
+        self.until(lambda: publisher.publish(raw) or ready())
+
+    def set(self, name, value):
+        """Set a parameter of the simulator, and return its answer."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        client = self.node.create_client(SetParameters, "simulator/set_parameters")
+        assert client.wait_for_service(LIMIT)
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
+        answer = client.call_async(request)
+        self.until(answer.done)
+        return answer.result().results[0]
 
     def until(self, ready):
         end = time.monotonic() + LIMIT
@@ -347,6 +370,45 @@ def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
     hand.reset()  # it has recovered
     hand.command(-10.0)
     hand.until(lambda: hand.states and hand.states[-1].velocity[0] < -0.1)
+
+
+GARBAGE = {
+    "a header alone": b"\0\1\0\0",
+    "a count beyond the end": b"\0\1\0\0" + b"\xff" * 40,
+    "another representation": b"\0\7\0\0" + bytes(40),
+}
+"""What is no message of any of the topics; on the count rclpy would end the process."""
+
+
+def test_bytes_that_are_no_effort_move_nothing(simulator, hand):
+    for raw in GARBAGE.values():
+        hand.reset()
+        hand.effort.publish(raw)
+        hand.until(lambda: hand.words[-1].startswith("Fault: effort brought what is not its"))
+    hand.reset()  # it has recovered
+    hand.command(10.0)
+    hand.until(lambda: hand.states and hand.states[-1].velocity[0] > 0.1)
+    assert simulator.poll() is None
+
+
+def test_bytes_that_are_no_measurement_end_the_learner(simulator, start, hand):
+    learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
+    assert has_begun(learner)
+    hand.send_until(lambda: learner.poll() is not None, GARBAGE["a count beyond the end"])
+    status, _, told = finish(learner)
+    assert status == BAD_USE
+    assert "a Fault: joint_states brought what is not its kind of message: it has 44 bytes" in told
+    assert len(told.splitlines()) == 1
+
+
+def test_impossible_parameters_are_refused_and_nothing_changes(simulate, hand_of_simulator):
+    simulator = simulate("--plant mujoco")
+    hand = hand_of_simulator()
+    for value in (5, 1.5, True, ["a"], [1.0], "no_such=1", "static_friction=1"):
+        assert not hand.set("parameters", value).successful
+    assert hand.set("parameters", "half_length=0.4").successful
+    hand.reset()
+    assert simulator.poll() is None
 
 
 def test_a_fault_ends_the_learner(simulator, start, hand):

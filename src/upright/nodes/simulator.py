@@ -2,10 +2,10 @@
 
 import math
 import os
+import reprlib
 import signal
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from threading import Event
 
 import numpy as np
@@ -47,6 +47,7 @@ from upright.plants.ros2.topics import (
 from upright.plants.settings import RunContext
 from upright.plants.urdf import HINGE, SLIDER
 from upright.support.exit_status import exit_status
+from upright.support.settings import with_values
 
 CHANGEABLE = ("noise", "start", "start_state", "seed", "parameters")
 """Parameters that may be set while the node runs; they take effect at the next reset."""
@@ -127,14 +128,18 @@ class Simulator:
 
     def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         values = {parameter.name: plain(parameter.value) for parameter in parameters}
+        previous = self.settings
         try:
-            self.settings = replace(self.settings, **values)
+            self.settings = with_values(previous, values)
+            if "parameters" in values:
+                self._plant.close()
+                self._plant = self._make_plant()
         except (UprightError, TypeError) as error:
+            if self.settings is not previous:  # its plant refuses the parameters
+                self.settings = previous
+                self._plant = self._make_plant()
             return SetParametersResult(successful=False, reason=str(error))
         self._task = self.settings.spec().task()
-        if "parameters" in values:
-            self._plant.close()
-            self._plant = self._make_plant()
         if values.keys() & {"noise", "seed"}:
             self._rng = np.random.default_rng(self.settings.seed)
         return SetParametersResult(successful=True)
@@ -157,11 +162,17 @@ class Simulator:
     def _on_effort(self, raw: bytes) -> None:
         """Obey a command if a trial is in progress and the force is within the limit."""
         limit = self._task.parameters.force
-        numbers = read_numbers(raw)
+        try:
+            numbers = read_numbers(raw)
+        except UprightError as error:
+            self._log.error(str(error))
+            self._set_status(f"{FAULT}{error}")
+            return
         force = numbers[0] if len(numbers) == 1 else math.nan
         if not abs(force) <= limit:
-            self._log.error(f"{EFFORT} is {numbers}; it must be one number in ±{limit}")
-            self._set_status(f"{FAULT}{EFFORT} is {numbers}, beyond ±{limit} N")
+            shown = reprlib.repr(numbers)
+            self._log.error(f"{EFFORT} is {shown}; it must be one number in ±{limit}")
+            self._set_status(f"{FAULT}{EFFORT} is {shown}, beyond ±{limit} N")
         elif self._status.data != BALANCING:
             self._set_status(self._status.data)  # the learner may have missed it
             self._rest()

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from upright.core.cartpole import has_fallen
 from upright.core.parameters import Parameters, State
 from upright.errors import Stopped, UprightError
-from upright.plants.ros2.messages import Joints
+from upright.plants.ros2.messages import Joints, read_text
 from upright.plants.ros2.node import HEARD, POLL, QOS, ParameterValues, make_executor, new_node
 from upright.plants.ros2.topics import (
     BALANCING,
@@ -83,7 +83,7 @@ class Cart:
         self._command = Float64MultiArray(data=[0.0])
         self._commands = node.create_publisher(Float64MultiArray, EFFORT, QOS)
         # Status comes first: if two subscriptions are ready, some executors serve the first.
-        node.create_subscription(String, STATUS, self._on_status, QOS)
+        node.create_subscription(String, STATUS, self._on_status, QOS, raw=True)
         node.create_subscription(JointState, JOINT_STATES, self._on_state, HEARD, raw=True)
         self._reset = node.create_client(Trigger, RESET)
         self._set = node.create_client(SetParameters, f"{SIMULATOR}/set_parameters")
@@ -233,13 +233,17 @@ class Cart:
         if not math.isfinite(sum(self._state)):
             self._fault = f"{FAULT}{JOINT_STATES} holds {self._state}"
 
-    def _on_status(self, message: String) -> None:
+    def _on_status(self, raw: bytes) -> None:
+        try:
+            status = read_text(raw)
+        except UprightError as error:
+            status = f"{FAULT}{error}"
         self._has_status = True
-        self._done = message.data != BALANCING
+        self._done = status != BALANCING
         if not self._done:
             self._since = self._stamp
-        if message.data.startswith(FAULT):
-            self._fault = message.data
+        if status.startswith(FAULT):
+            self._fault = status
 
 
 def open_cart(

@@ -1,43 +1,130 @@
-"""Reads numbers directly from serialised messages.
+"""Reads serialised messages, without rclpy: whoever shares the domain can send any bytes.
 
-rclpy turns whole messages into Python objects, although a control step needs only six numbers; that
-would take a sixth of the step. Therefore rclpy deserialises only the first message of each layout.
+rclpy ends the process on some of them, because it trusts the counts in a message. Besides, it turns
+whole messages into Python objects, although a control step needs only six numbers; that would take
+a sixth of the step. So every count is checked here before it is used, and of a message with the
+layout of the last one only the numbers are read.
+
 ROS 2 sends messages in the Common Data Representation (CDR; OMG, DDS Interoperability Wire Protocol
 2.3, 10): after a header of four bytes, each number is aligned to its size, and whatever varies in
 length is preceded by a count.
 """
 
 import struct
-
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from typing import Literal
 
 from upright.core.parameters import State
 from upright.errors import UprightError
+from upright.plants.ros2.topics import EFFORT, JOINT_STATES, STATUS
 from upright.plants.urdf import HINGE, SLIDER
 
-HEADER = b"\x00\x01"
-"""First bytes of a message that is CDR in little-endian byte order."""
-COUNT, NUMBER, STAMP = struct.Struct("<I"), struct.Struct("<d"), struct.Struct("<iI")
-ONE_NUMBER = COUNT.pack(0) + COUNT.pack(0) + COUNT.pack(1)
+HEADER = 4
+"""Length of the header [bytes], from whose end numbers are aligned."""
+ORDERS: dict[bytes, Literal["<", ">"]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
+"""Byte orders by the first bytes of a message; those of other representations are refused."""
+NUMBER = struct.Struct("<d")
+ONE_NUMBER = struct.pack("<3I", 0, 0, 1)
 """A Float64MultiArray's layout without dimensions or offset, and the count of one number."""
 
 
+class Reader:
+    """Takes what a message holds, one thing after the other.
+
+    Every method raises UprightError if the message is too short for it.
+
+    Parameters
+    ----------
+    raw
+        The serialised message.
+    topic
+        The topic that it came on, for errors.
+    """
+
+    def __init__(self, raw: bytes, topic: str) -> None:
+        self._raw, self._topic, self._end = raw, topic, HEADER
+        if len(raw) < HEADER or raw[:2] not in ORDERS:
+            raise self._garbled("its header is not one of CDR")
+        self.order = ORDERS[raw[:2]]
+        self.form: list[tuple[slice, bytes]] = [(slice(0, 2), raw[:2])]
+        """What was taken so far, but for numbers, and where it stands."""
+
+    def skip(self, size: int, alignment: int) -> int:
+        """Go past this many bytes, and return where they begin."""
+        start = self._end + (HEADER - self._end) % alignment
+        if start + size > len(self._raw):
+            raise self._garbled(f"it has {len(self._raw)} bytes where {start + size} are stated")
+        self._end = start + size
+        return start
+
+    def content(self, size: int, alignment: int) -> bytes:
+        """Return this many bytes, and note them as part of the message's form."""
+        where = slice(start := self.skip(size, alignment), start + size)
+        self.form.append((where, self._raw[where]))
+        return self._raw[where]
+
+    def count(self) -> int:
+        """Return a count, which may still be any."""
+        return int.from_bytes(self.content(4, 4), "little" if self.order == "<" else "big")
+
+    def text(self) -> str:
+        """Return a text, which ends in a zero byte."""
+        text = self.content(self.count(), 1)
+        if text and text[-1]:
+            raise self._garbled("a text in it has no end")
+        return text[:-1].decode(errors="replace")
+
+    def texts(self) -> list[str]:
+        """Return a sequence of texts."""
+        return [self.text() for _ in range(self.count())]  # each takes four bytes at least
+
+    def numbers(self) -> range:
+        """Return where each number of a sequence stands."""
+        count = self.count()
+        start = self.skip(8 * count, 8 if count else 1)
+        return range(start, start + 8 * count, 8)
+
+    def _garbled(self, why: str) -> UprightError:
+        return UprightError(f"{self._topic} brought what is not its kind of message: {why}")
+
+
 def read_numbers(raw: bytes) -> list[float]:
-    """Return the numbers of a serialised Float64MultiArray."""
-    if len(raw) == 28 and raw[:2] == HEADER and raw[4:16] == ONE_NUMBER:
+    """Return the numbers of a serialised Float64MultiArray.
+
+    Raises
+    ------
+    UprightError
+        If it is none.
+    """
+    if len(raw) == 28 and raw[:2] == b"\x00\x01" and raw[4:16] == ONE_NUMBER:
         return list(NUMBER.unpack_from(raw, 20))
-    return list(deserialize_message(raw, Float64MultiArray).data)
+    reader = Reader(raw, EFFORT)
+    for _ in range(reader.count()):
+        reader.text()  # a dimension's label, before its size and stride
+        reader.skip(8, 4)
+    reader.skip(4, 4)  # the offset
+    number = struct.Struct(f"{reader.order}d")
+    return [number.unpack_from(raw, place)[0] for place in reader.numbers()]
+
+
+def read_text(raw: bytes) -> str:
+    """Return the text of a serialised String.
+
+    Raises
+    ------
+    UprightError
+        If it is none.
+    """
+    return Reader(raw, STATUS).text()
 
 
 class Joints:
-    """Reads serialised JointStates; without rclpy if the layout is that of the last message."""
+    """Reads serialised JointStates, the faster if the layout is that of the last message."""
 
     def __init__(self) -> None:
         self._length = -1  # length of a message in the known layout [bytes]
         self._form: list[tuple[slice, bytes]] = []  # its content except for the numbers
         self._places: tuple[int, ...] = ()  # offsets of the numbers of the state
+        self._stamp, self._number = struct.Struct("<iI"), NUMBER
 
     def read(self, raw: bytes) -> tuple[int, State] | None:
         """Return the time stamp [ns] and the state of the cart; None if the joints are others.
@@ -45,44 +132,35 @@ class Joints:
         Raises
         ------
         UprightError
-            If a joint of the cart has no position or no velocity.
+            If it is no JointState, or a joint of the cart has no position or no velocity.
         """
-        if len(raw) != self._length or not self._has_form(raw):
-            return self._study(raw)
-        seconds, nanoseconds = STAMP.unpack_from(raw, 4)
-        numbers = [NUMBER.unpack_from(raw, place)[0] for place in self._places]
+        known = len(raw) == self._length and all(raw[part] == held for part, held in self._form)
+        if not known and not self._study(raw):
+            return None
+        seconds, nanoseconds = self._stamp.unpack_from(raw, HEADER)
+        numbers = [self._number.unpack_from(raw, place)[0] for place in self._places]
         return seconds * 10**9 + nanoseconds, State(*numbers)
 
-    def _has_form(self, raw: bytes) -> bool:
-        return all(raw[where] == content for where, content in self._form)
-
-    def _study(self, raw: bytes) -> tuple[int, State] | None:
-        """Let rclpy deserialise a message, and remember where its numbers are."""
-        message = deserialize_message(raw, JointState)
-        places, speeds = message.position, message.velocity
-        try:
-            slider, hinge = map(list(message.name).index, (SLIDER, HINGE))
-        except ValueError:
-            return None
-        if max(slider, hinge) >= min(len(places), len(speeds)):
-            raise UprightError(f"joint_states lack a position or a velocity: {message}")
-
-        texts = [text.encode() + b"\0" for text in (message.header.frame_id, *message.name)]
-        frame, *names = [COUNT.pack(len(text)) + text for text in texts]
-        self._form, end = [(slice(0, 2), HEADER)], 12
-        for content in (frame, COUNT.pack(len(names)), *names, COUNT.pack(len(places))):
-            start = end + -end % 4
-            end = start + len(content)
-            self._form.append((slice(start, end), content))
-        first = end + (4 - end) % 8  # start of the positions; alignment ignores the header
-        end = first + 8 * len(places)
-        self._form.append((slice(end, end + 4), COUNT.pack(len(speeds))))
-        second = end + 4 + -end % 8  # start of the velocities
-        self._places = tuple(
-            start + 8 * joint for joint in (slider, hinge) for start in (first, second)
-        )
-        self._length = len(raw) if self._has_form(raw) else -1
-
-        state = State(places[slider], speeds[slider], places[hinge], speeds[hinge])
-        stamp = message.header.stamp
-        return stamp.sec * 10**9 + stamp.nanosec, state
+    def _study(self, raw: bytes) -> bool:
+        """Remember where a message has its numbers; return whether its joints are the cart's."""
+        self._length = -1
+        reader = Reader(raw, JOINT_STATES)
+        reader.skip(8, 4)  # the stamp
+        reader.text()  # the frame
+        names = reader.texts()
+        places, speeds = reader.numbers(), reader.numbers()
+        form = list(reader.form)
+        reader.numbers()  # the efforts
+        if not {SLIDER, HINGE} <= {*names}:
+            return False
+        joints = names.index(SLIDER), names.index(HINGE)
+        if max(joints) >= min(len(places), len(speeds)):
+            raise UprightError(
+                f"{JOINT_STATES} lack a position or a velocity: there are {len(names)} joints, "
+                f"{len(places)} positions and {len(speeds)} velocities"
+            )
+        self._places = tuple(some[joint] for joint in joints for some in (places, speeds))
+        self._stamp = struct.Struct(f"{reader.order}iI")
+        self._number = struct.Struct(f"{reader.order}d")
+        self._length, self._form = len(raw), form
+        return True
