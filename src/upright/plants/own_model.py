@@ -7,6 +7,7 @@ positions are positive. What is not clear is refused with what was found, and se
 
 import hashlib
 import math
+import os
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,10 +87,13 @@ def load(mujoco: Any, path: str) -> Any:
     UprightError
         If there is no such file, or MuJoCo cannot read it.
     """
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise UprightError(f"model is {path!r}; it is not a file")
     try:
         content = Path(path).read_bytes()
-    except OSError as error:
-        raise UprightError(f"model is {path!r}; it cannot be read: {error.strerror}") from None
+    except (OSError, ValueError) as error:  # the latter: a path cannot be such
+        why = getattr(error, "strerror", None) or error
+        raise UprightError(f"model is {path!r}; it cannot be read: {why}") from None
     if b"<xacro:" in content:  # which MuJoCo would skip without a word
         raise UprightError(f"model is {path!r}; expand its macros: xacro {path} > model.urdf")
     try:

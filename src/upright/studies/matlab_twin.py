@@ -7,6 +7,7 @@ line for every run as it ends.
 
 import json
 import os
+import reprlib
 import shutil
 import subprocess
 from collections import deque
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from upright.errors import UprightError, require
+from upright.errors import UprightError, require, require_kind
 from upright.support.files import digest
 from upright.support.interrupts import let_interrupts_through
 from upright.support.processes import ending_with_us
@@ -187,9 +188,28 @@ def _runs_of(lines: Iterator[str], job: TwinJob) -> "Iterator[Result]":
     missing = set(job.runs)
     for line in lines:
         if line.startswith(MARK):
-            values = json.loads(line.removeprefix(MARK))
-            run, lengths = values["run"] - 1, np.array(values["lengths"], np.int64)
-            missing.remove(run)
-            yield Result(run, values["success"], lengths, values["seconds"])
+            try:
+                run, success, lengths, seconds = _reported(line.removeprefix(MARK), job)
+                missing.remove(run)
+            except (ValueError, KeyError, RecursionError) as error:
+                shown = reprlib.repr(line.rstrip())
+                why = f"the MATLAB twin reported a run as {shown}, which cannot be: {error}"
+                raise UprightError(why) from error
+            yield Result(run, success, np.array(lengths, np.int64), seconds)
     if missing:
         raise UprightError(f"the MATLAB twin exited without making {len(missing)} of its runs")
+
+
+def _reported(text: str, job: TwinJob) -> tuple[int, bool, list[int], float]:
+    """Return the number of a run, its success, the lengths of its trials and its time, checked."""
+    values = json.loads(text)
+    require_kind("a run", values, dict, "an object")
+    run, success, lengths = values["run"], values["success"], values["lengths"]
+    lengths = lengths if isinstance(lengths, list) else [lengths]  # as one trial is written
+    require("run", run, 1, whole=True)
+    require_kind("success", success, bool, "true or false")
+    require("the number of trials", len(lengths), 1, job.trials, whole=True)
+    for length in lengths:
+        require("the length of a trial", length, 1, job.steps, whole=True)
+    require("seconds", values["seconds"], 0)
+    return run - 1, success, lengths, values["seconds"]

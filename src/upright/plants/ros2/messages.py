@@ -23,8 +23,9 @@ HEADER = 4
 ORDERS: dict[bytes, Literal["<", ">"]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
 """Byte orders by the first bytes of a message; those of other representations are refused."""
 NUMBER = struct.Struct("<d")
-ONE_NUMBER = struct.pack("<3I", 0, 0, 1)
-"""A Float64MultiArray's layout without dimensions or offset, and the count of one number."""
+ONE_NUMBER = struct.pack(">I", 1 << 16) + struct.pack("<3I", 0, 0, 1)
+"""A Float64MultiArray's header, its layout without dimensions or offset, and a count of one number.
+"""
 
 
 class Reader:
@@ -42,17 +43,19 @@ class Reader:
 
     def __init__(self, raw: bytes, topic: str) -> None:
         self._raw, self._topic, self._end = raw, topic, HEADER
+        self._length = len(raw)
         if len(raw) < HEADER or raw[:2] not in ORDERS:
             raise self._garbled("its header is not one of CDR")
+        self._length -= raw[3] & 3  # how many bytes were added behind the content
         self.order = ORDERS[raw[:2]]
-        self.form: list[tuple[slice, bytes]] = [(slice(0, 2), raw[:2])]
+        self.form: list[tuple[slice, bytes]] = [(slice(0, HEADER), raw[:HEADER])]
         """What was taken so far, but for numbers, and where it stands."""
 
     def skip(self, size: int, alignment: int) -> int:
         """Go past this many bytes, and return where they begin."""
         start = self._end + (HEADER - self._end) % alignment
-        if start + size > len(self._raw):
-            raise self._garbled(f"it has {len(self._raw)} bytes where {start + size} are stated")
+        if start + size > self._length:
+            raise self._garbled(f"it has {self._length} bytes where {start + size} are stated")
         self._end = start + size
         return start
 
@@ -95,7 +98,7 @@ def read_numbers(raw: bytes) -> list[float]:
     UprightError
         If it is none.
     """
-    if len(raw) == 28 and raw[:2] == b"\x00\x01" and raw[4:16] == ONE_NUMBER:
+    if len(raw) == 28 and raw[:16] == ONE_NUMBER:
         return list(NUMBER.unpack_from(raw, 20))
     reader = Reader(raw, EFFORT)
     for _ in range(reader.count()):
