@@ -65,7 +65,7 @@ DEBIAN = (
     *("oldoldstable", "oldstable", "stable", "testing", "unstable"),
 )
 """Suites that only Debian's main archive has."""
-OURS = ("complete", "apt", "unpacked", "prefix", "plugin", "lock")
+OURS = ("complete", "apt", "unpacked", "prefix", "build", "plugin", "lock")
 """Contents of the private folder, in the order of removal; "complete" marks it as complete."""
 SPARE = 200_000_000
 """Disk space that must remain free, which also holds apt's lists and the plugin [bytes]."""
@@ -133,7 +133,7 @@ def remove() -> int:
         return 0
     freed = 0
     with _alone():
-        for path in [folder / name for name in OURS] + [*folder.glob("build-*")]:
+        for path in [folder / name for name in OURS]:
             if path.is_dir():
                 freed += _room_of(path)
                 shutil.rmtree(path)
@@ -541,9 +541,14 @@ def build(program: Program) -> None:
     print("building the plugin", flush=True)
     plugin = program.plugin
     plugin.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="build-", dir=private_folder()) as place:
+    place = private_folder() / "build"
+    shutil.rmtree(place, ignore_errors=True)  # what is left of a build that was killed
+    place.mkdir()
+    try:
         prefix = program.prefix or ""
         choices = (f"-DGAZEBO_PREFIX={prefix}", "-DCMAKE_BUILD_TYPE=Release")
-        _run(["cmake", "-S", str(sources()), "-B", place, *choices])
-        _run(["cmake", "--build", place, "--target", "upright_stepper"])
-        os.replace(Path(place) / LIBRARY, plugin)
+        _run(["cmake", "-S", str(sources()), "-B", str(place), *choices])
+        _run(["cmake", "--build", str(place), "--target", "upright_stepper"])
+        os.replace(place / LIBRARY, plugin)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)

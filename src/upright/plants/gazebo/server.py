@@ -5,12 +5,10 @@ import re
 import socket
 import struct
 import subprocess
-import tempfile
 import time
 from contextlib import ExitStack, suppress
 from itertools import count
 from pathlib import Path
-from shutil import rmtree
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from upright.errors import Stopped, UprightError
 from upright.plants.gazebo.installation import find_gazebo
 from upright.plants.gazebo.world import write_world
 from upright.support.processes import end_process, ending_with_us, share_core
+from upright.support.temporary import temporary_folder
 
 STEP, RESET = 0, 1
 REQUEST, ANSWER = struct.Struct("=II4d"), struct.Struct("=4d")
@@ -86,8 +85,7 @@ class Server:
         with ExitStack() as opened:
             if not gui:  # drawing needs a core of its own
                 opened.enter_context(share_core(next(_numbers)))
-            folder = Path(tempfile.mkdtemp(prefix="upright-gazebo-"))
-            opened.callback(rmtree, folder, ignore_errors=True)
+            folder = opened.enter_context(temporary_folder("gazebo"))
             listener = opened.enter_context(socket.socket(socket.AF_UNIX))
             address = folder / "socket"
             try:

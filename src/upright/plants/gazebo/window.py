@@ -5,7 +5,6 @@ import os
 import shutil
 import struct
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,6 +17,7 @@ import numpy as np
 from upright.errors import Stopped, UprightError
 from upright.support.files import write_file
 from upright.support.processes import end_process, ending_with_us
+from upright.support.temporary import temporary_folder
 
 SCREEN = "Xvfb_screen0"
 """The file that Xvfb writes the contents of its screen to, as an X window dump."""
@@ -79,10 +79,10 @@ def _screen() -> Iterator[Path]:
     program = shutil.which("Xvfb")
     if not program:
         raise UprightError("Xvfb, the virtual display, is missing; install the package xvfb")
-    with tempfile.TemporaryDirectory(prefix="upright-screen-") as folder:
+    with temporary_folder("screen") as folder:
         read, write = os.pipe()
         size = "x".join(map(str, (*SIZE, 24)))
-        command = [program, "-displayfd", str(write), "-screen", "0", size, "-fbdir", folder]
+        command = [program, "-displayfd", str(write), "-screen", "0", size, "-fbdir", str(folder)]
         quiet = subprocess.DEVNULL
         server = subprocess.Popen(
             ending_with_us(command), pass_fds=[write], stdout=quiet, stderr=quiet
@@ -92,7 +92,7 @@ def _screen() -> Iterator[Path]:
         try:
             with os.fdopen(read) as number:
                 os.environ["DISPLAY"] = f":{number.readline().strip()}"
-            yield Path(folder) / SCREEN
+            yield folder / SCREEN
         finally:
             os.environ.pop("DISPLAY")
             if previous is not None:
