@@ -43,6 +43,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
+from upright.support.files import user_cache
+
 ROOT = Path(__file__).parents[1]
 MARK = "UPRIGHT_CRASH"
 """Environment variable that tells which processes descend from a command under test."""
@@ -68,6 +70,22 @@ INPUTS = {
 """Files that commands read, and the commands that make them."""
 
 
+def has_octave() -> bool:
+    """Whether GNU Octave is there."""
+    return shutil.which("octave-cli") is not None
+
+
+def has_gazebo() -> bool:
+    """Whether Gazebo 11 is there."""
+    from upright.errors import UprightError
+    from upright.plants.gazebo.installation import find_gazebo
+
+    try:
+        return bool(find_gazebo())
+    except UprightError:
+        return False
+
+
 @dataclass(frozen=True)
 class Scenario:
     """A command that writes files."""
@@ -80,6 +98,8 @@ class Scenario:
     """Whether each round begins with an empty cache, so that kills hit compilation."""
     statuses: tuple[int, ...] = ()
     """Exit statuses that are as good as that of the reference when the command is repeated."""
+    is_possible: Callable[[], bool] = lambda: True
+    """Whether the programs that it needs are there."""
 
 
 SCENARIOS = (
@@ -112,6 +132,13 @@ SCENARIOS = (
         "matlab-table",
         f"matlab table --agents random-search --noises none,sensor-5 --runs 20 {SHORT} "
         "--store a.sqlite",
+        is_possible=has_octave,
+    ),
+    Scenario(
+        "table-gazebo",
+        "table --plant gazebo --agents random-search --noises none --runs 4 --steps 100 "
+        "--store a.sqlite",
+        is_possible=has_gazebo,
     ),
     Scenario(
         "tune",
@@ -307,7 +334,8 @@ class Place:
         """
         environment = os.environ | {MARK: self.mark, "TMPDIR": str(self.temporary)}
         if self.cache:
-            environment["XDG_CACHE_HOME"] = str(self.cache)
+            gazebo = {"UPRIGHT_GAZEBO": str(user_cache() / "gazebo-11")}  # it stays where it is
+            environment = gazebo | environment | {"XDG_CACHE_HOME": str(self.cache)}
         with (
             (self.folder / "printed").open("wb") as out,
             (self.folder / "errors").open("wb") as err,
@@ -612,7 +640,7 @@ def crash(
     Parameters
     ----------
     scenarios
-        The commands.
+        The commands; those whose programs are missing are left out.
     kills
         How often to kill, over all of them.
     seed
@@ -632,6 +660,7 @@ def crash(
         If a command fails without being killed.
     """
     tallies = []
+    scenarios = [scenario for scenario in scenarios if scenario.is_possible()]
     source = Place(folder / "inputs", cache=cache)
     for place, scenario in enumerate(scenarios):
         share = kills * (place + 1) // len(scenarios) - kills * place // len(scenarios)
