@@ -31,10 +31,6 @@ class Learner(NamedTuple):
     plant: str
 
 
-LEARNERS = [Learner(agent, plant) for agent in AGENTS for plant in PLANTS]
-"""The learners in the order of the table."""
-
-
 def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
     """Return the length of the trial on each plant after a run; None if the run failed."""
     case = make_case(learner.agent, steps=steps, plant=REGISTERED.default(learner.plant))
@@ -48,12 +44,12 @@ def transfer(learner: Learner, run: int, steps: int) -> list[int] | None:
 
 
 def transfer_all(
-    runs: int, steps: int, workers: Executor
+    learners: list[Learner], runs: int, steps: int, workers: Executor
 ) -> Iterator[tuple[Learner, list[int] | None]]:
     """Yield the learner of each run, and the lengths of the trials after it, as runs end."""
     jobs: dict[Future[list[int] | None], Learner] = {}
     for run in range(runs):
-        for learner in LEARNERS:
+        for learner in learners:
             jobs[workers.submit(transfer, learner, run, steps)] = learner
     for number, job in enumerate(as_completed(jobs), 1):
         learner, lengths = jobs[job], job.result()
@@ -82,11 +78,16 @@ def main() -> None:
     parser = make_parser(__doc__, "docs/transfer.md")
     parser.add_argument("--steps", type=int, default=60_000, help="N (default 60,000)")
     parser.add_argument("--runs", type=int, default=20, help="runs each (default 20)")
+    parser.add_argument(
+        "--agent", action="append", choices=AGENTS, help="only this agent; may be repeated"
+    )
     arguments = parser.parse_args()
-    trials: dict[Learner, list[list[int]]] = {learner: [] for learner in LEARNERS}
+    # In the order of the table.
+    learners = [Learner(agent, plant) for agent in arguments.agent or AGENTS for plant in PLANTS]
+    trials: dict[Learner, list[list[int]]] = {learner: [] for learner in learners}
     failed = 0
     with ProcessPoolExecutor(cpu_count(), get_context("spawn")) as workers:
-        for learner, lengths in transfer_all(arguments.runs, arguments.steps, workers):
+        for learner, lengths in transfer_all(learners, arguments.runs, arguments.steps, workers):
             failed += lengths is None
             if lengths:
                 trials[learner].append(lengths)

@@ -64,14 +64,11 @@ def test_learning_in_gazebo_is_measured():
 
 @pytest.mark.gazebo
 def test_what_was_learned_on_each_plant_plays_on_every_other():
-    found = measured("transfer.py", "--steps", "100", "--runs", "1")
-    for text in (
-        "| reinforce | equations | ",
-        "| q-learning | MuJoCo | ",
-        "1 runs on each plant; 0 runs failed",
-    ):
-        assert text in found
-    assert "| adaptive-lqr | Gazebo | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in found
+    """One agent, because each trial on Gazebo starts a server of its own."""
+    found = measured("transfer.py", "--steps", "100", "--runs", "1", "--agent", "adaptive-lqr")
+    for plant in ("equations", "MuJoCo", "Gazebo"):
+        assert f"| adaptive-lqr | {plant} | 1 of 1 [21, 100] % | 1 of 1 [21, 100] % | 1" in found
+    assert "1 runs on each plant; 0 runs failed" in found
 
 
 def test_the_cost_of_every_kind_of_disturbance_is_measured():

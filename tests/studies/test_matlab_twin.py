@@ -152,13 +152,11 @@ def test_a_run_draws_what_numpys_twister_gives():
     ],
 )
 def test_one_seed_is_one_learning_curve_in_both_languages(agent, noise):
-    case = make_case(agent, noise=noise, steps=1000, trials=60)
-    options = f"'noise', '{noise}', 'steps', 1000, 'trials', 60, 'runs', 4, 'seed', 6"
-    curves = octave_curves(agent, options)
-    expected = [lengths(case, 6, run) for run in range(4)]
-    if agent == "reinforce":  # its sums are made in an order that libraries choose
-        curves, expected = ([curve[:5] for curve in some] for some in (curves, expected))
-    assert curves == expected
+    # The sums of reinforce are made in an order that libraries choose, so they differ in time.
+    trials = 5 if agent == "reinforce" else 40
+    case = make_case(agent, noise=noise, steps=1000, trials=trials)
+    options = f"'noise', '{noise}', 'steps', 1000, 'trials', {trials}, 'runs', 4, 'seed', 6"
+    assert (curves := octave_curves(agent, options)) == [lengths(case, 6, k) for k in range(4)]
     assert max(map(len, curves)) > 3
 
 
