@@ -40,6 +40,13 @@ def test_killed_commands_lose_nothing(tmp_path):
     assert all(tally.completions for tally in tallies)
 
 
+def test_a_command_that_fails_undisturbed_is_a_fault(tmp_path):
+    wrong = crash.Scenario("wrong", "cite --format runes --output a.bib")
+    (tally,) = crash.crash([wrong], 3, 0, tmp_path)
+    assert (tally.kills, len(tally.faults)) == (0, 1)
+    assert "wrong fails with status 2: " in tally.faults[0]
+
+
 def test_every_command_that_writes_is_killed():
     killed = {scenario.command.split()[0] for scenario in crash.SCENARIOS}
     assert killed | READ_ONLY | ELSEWHERE == set(COMMANDS)

@@ -438,7 +438,7 @@ def make_reference(
 
     Raises
     ------
-    RuntimeError
+    Fault
         If it fails, or the two differ, so that nothing can be compared with them.
     """
     references = []
@@ -446,7 +446,7 @@ def make_reference(
         place = Place(folder / name, inputs, cache_of(scenario, folder / name, cache))
         ended = place.run(scenario.command)
         if ended.status not in (0, 1):
-            raise RuntimeError(f"{scenario.name} fails with status {ended.status}: {ended.errors}")
+            raise Fault(f"{scenario.name} fails with status {ended.status}: {ended.errors}")
         found = place.listing()
         references.append(Reference(ended, found, contents(place.files, found["files"])))
     first, again = references
@@ -459,7 +459,7 @@ def make_reference(
         ),
     ):
         if a != b:
-            raise RuntimeError(f"{scenario.name} {what} differently the second time: {a!r}, {b!r}")
+            raise Fault(f"{scenario.name} {what} differently the second time: {a!r}, {b!r}")
     return again  # the first one may have compiled
 
 
@@ -580,16 +580,16 @@ def begin_round(
 
 
 def rounds(
-    scenario: Scenario,
+    tally: Tally,
     kills: int,
     seed: int,
     folder: Path,
     inputs: list[Path],
     cache: Path | None,
     numbers: Iterable[int],
-) -> Iterator[Tally]:
-    """Make rounds of a scenario until it has been killed often enough; yield its figures."""
-    tally = Tally(scenario)
+) -> Iterator[int]:
+    """Make rounds of a scenario until it has been killed often enough; yield their numbers."""
+    scenario = tally.scenario
     reference = make_reference(scenario, folder, inputs, cache)
     tally.seconds = reference.ended.seconds
     for number in numbers:
@@ -604,7 +604,7 @@ def rounds(
             tally.faults.append(f"{fault} ({place.folder}; {repeat})")
         else:
             shutil.rmtree(place.folder)
-        yield tally
+        yield number
         if tally.kills >= kills:
             break
 
@@ -614,14 +614,14 @@ def make_inputs(names: Sequence[str], place: Place) -> list[Path]:
 
     Raises
     ------
-    RuntimeError
+    Fault
         If a command fails.
     """
     for name in names:
         if not (place.files / name).exists():
             ended = place.run(INPUTS[name])
             if ended.status != 0:
-                raise RuntimeError(f"{name} cannot be made: {ended.errors}")
+                raise Fault(f"{name} cannot be made: {ended.errors}")
     return [place.files / name for name in names]
 
 
@@ -633,7 +633,7 @@ def crash(
     *,
     cache: Path | None = None,
     only_round: int | None = None,
-    say: Callable[[str], object] = lambda _line: None,
+    on_round: Callable[[Tally], object] = lambda _tally: None,
 ) -> list[Tally]:
     """Kill commands again and again, and return what was found.
 
@@ -651,13 +651,8 @@ def crash(
         The cache of the commands; the present user's own unless given.
     only_round
         The number of the only round to make.
-    say
-        Called with a line after each round.
-
-    Raises
-    ------
-    RuntimeError
-        If a command fails without being killed.
+    on_round
+        Called after each round with the figures of its scenario so far.
     """
     tallies = []
     scenarios = [scenario for scenario in scenarios if scenario.is_possible()]
@@ -665,11 +660,15 @@ def crash(
     for place, scenario in enumerate(scenarios):
         share = kills * (place + 1) // len(scenarios) - kills * place // len(scenarios)
         numbers = range(2 * share) if only_round is None else [only_round]
-        inputs = make_inputs(scenario.inputs, source)
+        tallies.append(tally := Tally(scenario))
         where = folder / scenario.name
-        for tally in rounds(scenario, share, seed, where, inputs, cache, numbers):
-            say(f"{scenario.name:16} {tally.kills:4} of {share} kills, {len(tally.faults)} faults")
-        tallies.append(tally)
+        try:
+            inputs = make_inputs(scenario.inputs, source)
+            for _ in rounds(tally, share, seed, where, inputs, cache, numbers):
+                on_round(tally)
+        except Fault as fault:  # undisturbed
+            tally.faults.append(str(fault))
+            on_round(tally)
     return tallies
 
 
@@ -683,7 +682,7 @@ def figures(tallies: Sequence[Tally], seed: int) -> dict[str, Any]:
     from upright import __version__
 
     counts = [[t.kills, t.writing, t.completions, len(t.faults)] for t in tallies]
-    total = [sum(column) for column in zip(*counts, strict=True)]
+    total = [sum(column) for column in zip(*counts, strict=True)] or [0] * (len(HEAD) - 1)
     names = [f"`{t.scenario.command.split()[0]}` ({t.scenario.name})" for t in tallies]
     return {
         "command": f"python tools/crash.py --kills {total[0]} --seed {seed}",
@@ -697,6 +696,17 @@ def put(found: dict[str, Any], path: Path) -> None:
     """Write figures into a file of records, in place of the previous ones."""
     records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     path.write_text(json.dumps(records | {"crash": found}, indent=1) + "\n", encoding="utf-8")
+
+
+def show(tallies: Sequence[Tally], seed: int) -> None:
+    """Print the figures as a table, and a line for each fault."""
+    found = figures(tallies, seed)
+    for first, *cells in [found["head"], *found["rows"]]:
+        widths = (len(head) + 2 for head in HEAD[1:])
+        print(f"{first:34}", *(f"{cell:>{w}}" for cell, w in zip(cells, widths, strict=True)))
+    for tally in tallies:
+        for fault in tally.faults:
+            print(f"{tally.scenario.name}: {fault}")
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -726,37 +736,35 @@ def main() -> int:
     options = make_parser().parse_args()
     chosen = [each for each in SCENARIOS if each.name in (options.scenario or [each.name])]
     folder = Path(tempfile.mkdtemp(prefix="upright-crash-"))
+    tallies: dict[str, Tally] = {}
+
+    def tell(tally: Tally) -> None:
+        name = tally.scenario.name
+        tallies[name] = tally
+        faults = f", {len(tally.faults)} FAULTS" if tally.faults else ""
+        print(f"{name}: {tally.kills} kills{faults}", file=sys.stderr, flush=True)
+
     try:
-        tallies = crash(
+        crash(
             chosen,
             options.kills,
             options.seed,
             folder,
             cache=folder / "cache",
             only_round=options.round,
-            say=lambda line: print(line, file=sys.stderr, flush=True),
+            on_round=tell,
         )
     except KeyboardInterrupt:
-        shutil.rmtree(folder)
         print("stopped", file=sys.stderr)
-        return 130
-    found = figures(tallies, options.seed)
-    for row in [found["head"], *found["rows"]]:
-        print(
-            f"{row[0]:34}"
-            + "".join(
-                f"{cell:>{len(head) + 2}}" for cell, head in zip(row[1:], HEAD[1:], strict=True)
-            )
-        )
-    for tally in tallies:
-        for fault in tally.faults:
-            print(f"{tally.scenario.name}: {fault}")
-    if options.record:
-        put(found, options.record)
-    if any(tally.faults for tally in tallies):
-        return 1
-    shutil.rmtree(folder)
-    return 0
+        status = 130
+    else:
+        status = int(any(tally.faults for tally in tallies.values()))
+        if options.record:
+            put(figures([*tallies.values()], options.seed), options.record)
+    show([*tallies.values()], options.seed)
+    if not any(tally.faults for tally in tallies.values()):
+        shutil.rmtree(folder)
+    return status
 
 
 if __name__ == "__main__":
