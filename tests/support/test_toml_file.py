@@ -116,7 +116,7 @@ def test_an_error_names_the_place_in_an_array_of_tables(file_of):
 
 def test_errors_of_custom_code_pass_as_they_are(file_of):
     file = file_of("a = 1\n")
-    with pytest.raises(AgentError, match="^it failed$"), file.at("a"):
+    with pytest.raises(AgentError, match=r"^it failed$"), file.at("a"):
         raise AgentError("it failed")
 
 

@@ -32,7 +32,6 @@ ROW, LENGTH = 80, 4.6
 30 and 1,000 trials. A length has 4 bytes; the rest is unused space on SQLite's pages."""
 
 
-
 class Measure(NamedTuple):
     """A quantity over some runs of a case."""
 

@@ -199,7 +199,7 @@ def _try_one(
     optuna_study: Any,
     finished: Sequence[Any],
     on_progress: Callable[[SearchProgress], None],
-    executor: Executor | None,
+    executor: AnyExecutor,
 ) -> None:
     """Measure the next candidate, and store what came out of it."""
     import optuna
