@@ -19,6 +19,7 @@ from upright.errors import UprightError
 from upright.studies import cluster
 from upright.studies.case import make_case
 from upright.studies.executors import ADDRESS, Local
+from upright.studies.recorded_environment import present_environment
 from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.studies.study import make_missing_runs, stored, study
@@ -122,6 +123,14 @@ def test_results_are_those_of_threads(machines):
     cases = [CASE, make_case("random-search", noise="gaussian-0.2", steps=300)]
     there, here = (study(cases, 30, executor=each) for each in (machines.address, "threads"))
     assert contents(there) == contents(here)
+
+
+@pytest.mark.slow
+def test_runs_are_recorded_with_the_environment_of_their_worker(machines, monkeypatch):
+    monkeypatch.setattr("upright.studies.store.present_environment", lambda: "that of the store")
+    with Store() as store:
+        make_missing_runs([CASE], 2, 0, store, executor=machines.address)
+        assert [*store.environments().values()] == [(present_environment(), 2)]
 
 
 AGENT = """

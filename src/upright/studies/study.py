@@ -22,6 +22,7 @@ from upright.studies.case import Case
 from upright.studies.custom import changeable, has_changed
 from upright.studies.definitions import is_in_main, unpack
 from upright.studies.executors import AnyExecutor, Workers, is_elsewhere, workers_for
+from upright.studies.recorded_environment import present_environment
 from upright.studies.repeatability import doubt_about, warn_if_doubtful
 from upright.studies.run import make_run
 from upright.studies.store import Store
@@ -138,8 +139,8 @@ def make_missing_runs(
         raise UprightError("language is 'MATLAB'; a cluster has only runs of Python")
     twins = {case.twin_job(seed, missing(case)): case for case in theirs}
 
-    def keep(case: Case, result: Result) -> None:
-        store.add(case.key, seed, result)
+    def keep(case: Case, result: Result, environment: str | None = None) -> None:
+        store.add(case.key, seed, result, environment)
         on_result(case, result)
 
     with hold_interrupts():
@@ -184,7 +185,7 @@ def _study_here(
     jobs: Iterator[Job],
     remaining: int,
     seed: int,
-    keep: Callable[[Case, Result], None],
+    keep: Callable[[Case, Result, str], None],
     workers: Workers,
 ) -> None:
     """Make runs of this package's agents.
@@ -198,7 +199,7 @@ def _study_here(
     seed
         Seed of the study.
     keep
-        Called with each case and result.
+        Called with each case, result, and environment that the run was made in.
     workers
         What makes the runs.
     """
@@ -227,12 +228,13 @@ def _study_here(
             if asked is None:
                 warn_if_doubtful(found)
                 continue
-            for (case, _), result in zip(asked, found, strict=False):
-                keep(case, result)
-            rest = asked[len(found) :]
+            results, environment = found
+            for (case, _), result in zip(asked, results, strict=False):
+                keep(case, result, environment)
+            rest = asked[len(results) :]
             back.extend(rest)
             remaining += len(rest)
-            size = len(found) if rest else max(size, min(2 * len(found), workers.most))
+            size = len(results) if rest else max(size, min(2 * len(results), workers.most))
     except BaseException as error:
         workers.abandon(futures)
         if isinstance(error, BrokenExecutor):
@@ -245,8 +247,10 @@ def _drained(jobs: deque[Job]) -> Iterator[Job]:
         yield jobs.popleft()
 
 
-def _make_runs(jobs: list[Job], seed: int, stop: np.ndarray | None) -> list[Result]:
+def _make_runs(jobs: list[Job], seed: int, stop: np.ndarray | None) -> tuple[list[Result], str]:
     """Make runs one after the other: the first, and as many more as fit into the budget.
+
+    The environment of this process, which may be on another machine, is returned with the results.
 
     A run that fails is left to a piece of work that begins with it, which raises the error: so the
     runs before it are kept.
@@ -260,7 +264,7 @@ def _make_runs(jobs: list[Job], seed: int, stop: np.ndarray | None) -> list[Resu
             results.append(_make_one(case, run, seed, stop))
         except Exception:
             break
-    return results
+    return results, present_environment()
 
 
 def _make_one(case: Case, run: int, seed: int, stop: np.ndarray | None) -> Result:
