@@ -243,8 +243,8 @@ def test_what_is_no_case_is_refused(cases):
 
 
 def test_what_is_no_store_is_refused():
-    with pytest.raises(UprightError, match=r"store is 'runs\.sqlite'; it must be a Store"):
-        study(CASES, 1, 0, "runs.sqlite")
+    with pytest.raises(UprightError, match=r"store is 3; it must be a Store, or the path of its"):
+        study(CASES, 1, 0, 3)
 
 
 def test_a_run_of_what_is_no_case_is_refused():

@@ -19,6 +19,8 @@ SHELLS = ("bash", "zsh", "fish")
 FREE = (
     "N",
     "K",
+    "K/N",
+    "ADDRESS",
     "NAME=VALUE",
     "NAME=VALUES",
     "AGENT.NAME=VALUES",

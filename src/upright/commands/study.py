@@ -44,9 +44,8 @@ examples:
   upright study lengths.toml                make the runs, show the table; interrupted? Once more
   upright study lengths.toml --status       how far is it? While it runs, in another terminal
   upright study lengths.toml --format markdown --output table.md
-  upright study lengths.toml --part 1/2     the first half of the runs, in a store of its own;
-  upright study lengths.toml --part 2/2     the other half, on another machine; then, on one:
-  upright merge lengths.1-of-2.sqlite lengths.2-of-2.sqlite --output lengths.sqlite
+  upright study lengths.toml --part 1/2     the first half of the runs, in a store of its own
+  upright study lengths.toml --part 2/2     the other half, on another machine: see --part
   upright table --agents q-learning,random-search --parameter half_length=0.25:1:4 \\
       --save-study lengths.toml             a file for what these options ask for
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
