@@ -46,8 +46,7 @@ examples:
   upright study lengths.toml --format markdown --output table.md
   upright study lengths.toml --part 1/2     the first half of the runs, in a store of its own
   upright study lengths.toml --part 2/2     the other half, on another machine: see --part
-  upright table --agents q-learning,random-search --parameter half_length=0.25:1:4 \\
-      --save-study lengths.toml             a file for what these options ask for
+  upright table --agents ndp --noises all --save-study ndp.toml     a file for what options ask for
 exit status: 0 if every run was made, 2 if something asked for is not possible, 3 if a custom agent
 or plant failed; runs that had ended are in the store.
 """
