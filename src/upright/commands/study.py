@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from upright.commands.options import add, add_executor_options
-from upright.commands.parser import Parser
+from upright.commands.parser import READ, Parser
 from upright.commands.showing import put, telling_of_compilation
 from upright.support import terminal
 
@@ -54,7 +54,9 @@ or plant failed; runs that had ended are in the store.
 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright study`."""
-    parser.add_argument("file", metavar="FILE", help="the file of the study, which ends in .toml")
+    parser.add_argument(
+        "file", metavar="FILE", file=READ, help="the file of the study, which ends in .toml"
+    )
     alternatives = parser.add_mutually_exclusive_group()
     alternatives.add_argument(
         "--dry-run",
@@ -102,6 +104,7 @@ def run(options: argparse.Namespace) -> int:
     options.runs, options.seed = plan["runs"], plan["seed"]
     options.store = options.store or _store_of_part(plan["store"], options.part)
     options.part = options.part or WHOLE
+    options.parser.check_files(options)  # now that the store has its name
     if options.dry_run or options.status:
         put((_plan if options.dry_run else _status)(plan["cases"], options), options.output)
         return 0

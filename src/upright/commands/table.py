@@ -24,7 +24,7 @@ from upright.commands.options import (
     split,
     tasks_of,
 )
-from upright.commands.parser import Parser
+from upright.commands.parser import WRITTEN, Parser
 from upright.commands.showing import put, put_table, telling_of_compilation, telling_what_is_kept
 from upright.support.settings import RANGE
 
@@ -86,6 +86,7 @@ def add_options(parser: Parser) -> None:
     parser.add_argument(
         "--save-study",
         metavar="FILE",
+        file=WRITTEN,
         help="write all that these options ask for to this file, which ends in .toml, for upright "
         "study",
     )

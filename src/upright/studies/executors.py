@@ -8,13 +8,13 @@ from contextlib import closing, contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-
 from upright.errors import UprightError, require_kind
 from upright.studies.definitions import receive
 from upright.support.processes import process_pool
 
 if TYPE_CHECKING:  # what takes a second to import; commands read the names here for their help
+    import numpy as np
+
     from upright.studies.case import Case
 
 EXECUTORS = ("threads", "processes", "dask")
@@ -35,7 +35,7 @@ class Workers(Protocol):
         """The most runs that a piece of work may consist of."""
 
     @property
-    def stop(self) -> np.ndarray | None:
+    def stop(self) -> "np.ndarray | None":
         """Shape (1,), bool: tells threads to end their runs; None where nothing is shared."""
 
     def window(self) -> int:
@@ -145,6 +145,8 @@ class Local:
     most = 1
 
     def __init__(self, executor: Executor, *, own: bool) -> None:
+        import numpy as np
+
         self.stop = np.zeros(1, np.bool_)
         self._executor, self._own = executor, own
         self._others = set(multiprocessing.active_children())
