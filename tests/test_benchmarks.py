@@ -75,3 +75,11 @@ def test_the_cost_of_every_kind_of_disturbance_is_measured():
     found = measured("disturbances.py", "--steps", "2000", "--repetitions", "1")
     assert "\n| `nominal` | " in found
     assert "\n| `delay=1,lag=0.02,gust=1,encoder=4096,dropped=0.01` | " in found
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("distributed"), reason="dask is not installed")
+def test_the_cost_of_a_cluster_is_measured():
+    """The script refuses to time two studies that do not give the same."""
+    found = measured("scale.py", "--runs", "4", "--rounds", "1", "--pieces", "20")
+    for text in ("| 1 | ", "A piece of work costs ", "| 1,000 | 10 | 100 | "):
+        assert text in found

@@ -134,7 +134,7 @@ def test_runs_are_recorded_with_the_environment_of_their_worker(machines, monkey
 
 
 AGENT = """
-        from {other} import SCALE
+    from {other} import SCALE
     class Guess:
         def __init__(self, rng): self.w = rng.normal(size=4)
         def begin_trial(self, rng): self.w = rng.normal(size=4) * SCALE
@@ -230,8 +230,9 @@ def test_killed_workers_change_nothing_and_after_a_killed_scheduler_the_command_
         first.scheduler.kill()
         _, told = process.communicate(timeout=LIMIT)
     assert process.returncode == BAD_USE
+    *waited, told = told.splitlines()  # after a killed worker there may be none for a while
+    assert set(waited) <= {f"upright: waiting for workers at {first.address}"}
     assert told.startswith(f"upright: error: address is '{first.address}'; the scheduler is gone;")
-    assert len(told.splitlines()) == 1
     assert 5 < kept(store) < runs
     (tmp_path / "again").mkdir()
     again = Machines(tmp_path / "again")
@@ -330,8 +331,9 @@ class Pieces(Local):
 
     most = 1000
 
-    def __init__(self):
+    def __init__(self, budget):
         super().__init__(ThreadPoolExecutor(1), own=True)
+        self.budget = budget
         self.sizes, self.outstanding, self.largest = [], 0, 0
 
     def window(self):
@@ -349,10 +351,9 @@ class Pieces(Local):
 
 
 @pytest.mark.parametrize(("budget", "expected"), [(1e9, {1, 2, 4, 8}), (-1.0, {1, 2})])
-def test_pieces_grow_while_they_are_finished_in_time(budget, expected, monkeypatch):
-    monkeypatch.setattr("upright.studies.study.BUDGET", budget)
+def test_pieces_grow_while_they_are_finished_in_time(budget, expected):
     cases = [CASE, make_case("random-search", steps=200)]
-    with Store() as store, closing(Pieces()) as workers:
+    with Store() as store, closing(Pieces(budget)) as workers:
         store.add(CASE.key, 0, make_run(CASE, 0, 3)[1])
         make_missing_runs(cases, 40, 0, store, executor=workers)
         found = {case: store.results(case.key, 0) for case in cases}

@@ -1,5 +1,6 @@
 import json
 import multiprocessing
+import weakref
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -8,14 +9,16 @@ import numpy as np
 import pytest
 
 from upright.core.parameters import Parameters
+from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.plants.equations import EquationsSettings
 from upright.studies.case import Case, make_case
+from upright.studies.executors import OUTSTANDING
 from upright.studies.fingerprint import fingerprint
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import make_run
 from upright.studies.store import Store
-from upright.studies.study import study
+from upright.studies.study import make_missing_runs, study
 
 CASES = [
     make_case("random-search", noise=noise, steps=500, trials=40)
@@ -54,9 +57,11 @@ def processes():
         nullcontext,
         lambda: ThreadPoolExecutor(1),
         lambda: ThreadPoolExecutor(2),
+        lambda: nullcontext("threads"),
         pytest.param(processes, marks=pytest.mark.slow),
+        pytest.param(lambda: nullcontext("processes"), marks=pytest.mark.slow),
     ],
-    ids=["default", "one thread", "two threads", "two processes"],
+    ids=["default", "one thread", "two threads", "threads", "two processes", "processes"],
 )
 def test_results_do_not_depend_on_the_executor(executor, expected):
     with Store() as store, executor() as given:
@@ -124,6 +129,28 @@ def test_every_run_is_reported_once():
             lambda case, result: heard.append((case.spec.noise, result.run)),
         )
     assert sorted(heard) == sorted((case.spec.noise, run) for case in CASES for run in range(RUNS))
+
+
+def test_the_memory_of_a_study_does_not_grow_with_its_runs(monkeypatch):
+    alive = most = 0
+
+    def gone():
+        nonlocal alive
+        alive -= 1
+
+    def make(case, seed, run, stop):
+        nonlocal alive, most
+        lengths = np.ones(100, np.int64)
+        weakref.finalize(lengths, gone)
+        alive += 1
+        most = max(most, alive)
+        return None, Result(run, True, lengths, 0.0)
+
+    monkeypatch.setattr("upright.studies.study.make_run", make)
+    with Store() as store, ThreadPoolExecutor(1) as thread:
+        make_missing_runs(CASES, 2 * OUTSTANDING, SEED, store, executor=thread)
+        assert len(store.finished(CASES[-1].key, SEED)) == 2 * OUTSTANDING
+    assert most < 1.1 * OUTSTANDING
 
 
 def test_runs_seeds_and_cases_differ():

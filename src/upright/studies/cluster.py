@@ -33,6 +33,12 @@ from upright.support.machine_code import sources_hash
 
 ANSWERING = 10.0
 """How long a scheduler may take to answer [s]."""
+LEAST, A_SECOND = 2.0, 100
+"""A worker hands back the runs of a piece of work that it has not begun after this time [s], and
+later on a cluster so large that more pieces than this would end in a second.
+
+A scheduler spends some milliseconds on each, and a cancelled one ends only between runs.
+"""
 ARRIVING = 600.0
 """How long to wait for a worker while there is none [s]."""
 
@@ -86,6 +92,11 @@ class Cluster:
             if case.plant.alone:
                 why = "its runs are made on this machine alone, without --executor dask"
                 raise UprightError(f"plant is {case.plant.name!r}; {why}")
+
+    @property
+    def budget(self) -> float:
+        """How long a piece of work begins new runs [s]."""
+        return max(LEAST, self._threads / A_SECOND)
 
     def window(self) -> int:
         """Return the most pieces of work to be handed over at once: two a thread."""

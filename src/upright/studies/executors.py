@@ -38,6 +38,10 @@ class Workers(Protocol):
     def stop(self) -> "np.ndarray | None":
         """Shape (1,), bool: tells threads to end their runs; None where nothing is shared."""
 
+    @property
+    def budget(self) -> float:
+        """How long a piece of work begins new runs [s]."""
+
     def window(self) -> int:
         """Return the most pieces of work to be handed over at once."""
 
@@ -142,7 +146,7 @@ class Local:
         Whether it is to be shut down at the end.
     """
 
-    most = 1
+    most, budget = 1, 0.0
 
     def __init__(self, executor: Executor, *, own: bool) -> None:
         import numpy as np

@@ -28,11 +28,6 @@ from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.support.interrupts import hold_interrupts, let_interrupts_through
 
-BUDGET = 2.0
-"""A worker of a cluster hands back the runs of a piece of work that it has not begun by then [s].
-
-A scheduler spends some milliseconds on each piece, and a cancelled one ends only between runs.
-"""
 WHOLE = (1, 1)
 """The one part of a study that is not shared."""
 Job = tuple[Case, int]
@@ -221,7 +216,8 @@ def _study_here(
                     remaining = 0
                     break
                 involved = {case for case, _ in piece}
-                futures[workers.submit(_make_runs, involved, piece, seed, workers.stop)] = piece
+                how = (seed, workers.stop, workers.budget)
+                futures[workers.submit(_make_runs, involved, piece, *how)] = piece
             with let_interrupts_through():
                 future = workers.next_ended()
             found, asked = workers.result(future), futures.pop(future)
@@ -247,15 +243,17 @@ def _drained(jobs: deque[Job]) -> Iterator[Job]:
         yield jobs.popleft()
 
 
-def _make_runs(jobs: list[Job], seed: int, stop: np.ndarray | None) -> tuple[list[Result], str]:
-    """Make runs one after the other: the first, and as many more as fit into the budget.
+def _make_runs(
+    jobs: list[Job], seed: int, stop: np.ndarray | None, budget: float
+) -> tuple[list[Result], str]:
+    """Make runs one after the other: the first, and others until the budget is spent [s].
 
     The environment of this process, which may be on another machine, is returned with the results.
 
     A run that fails is left to a piece of work that begins with it, which raises the error: so the
     runs before it are kept.
     """
-    until = time.monotonic() + BUDGET
+    until = time.monotonic() + budget
     results = [_make_one(*jobs[0], seed, stop)]
     for case, run in jobs[1:]:
         if time.monotonic() > until:
