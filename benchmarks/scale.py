@@ -27,6 +27,7 @@ from upright.studies.cluster import A_SECOND, LEAST, Cluster
 from upright.studies.executors import opened
 from upright.studies.store import Store
 from upright.studies.study import make_missing_runs
+from upright.support.processes import ending_with_us
 
 CORES = (10, 100, 1000)
 """Sizes of clusters for which the figures are projected."""
@@ -36,7 +37,7 @@ def started(opened: ExitStack, *words: str) -> None:
     """Start a program of dask's, until the block ends."""
     quiet = subprocess.DEVNULL
     program = [sys.executable, "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
-    process = subprocess.Popen(program, stdout=quiet, stderr=quiet)
+    process = subprocess.Popen(ending_with_us(program), stdout=quiet, stderr=quiet)
     opened.callback(process.wait)
     opened.callback(process.terminate)
 

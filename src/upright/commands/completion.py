@@ -17,6 +17,7 @@ from upright.plants import PLANTS
 SHELLS = ("bash", "zsh", "fish")
 """Shells that have a script."""
 FREE = (
+    "ADDRESS",
     "N",
     "K",
     "K/N",
