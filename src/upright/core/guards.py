@@ -37,14 +37,14 @@ def require_array(
         and (value.flags.writeable or not written)
     ):
         return
-    access = "writable " if written else ""
+    access = "a writable" if written else "an"
     of_kind = "" if kind is None else f" of {np.dtype(kind)}"
     sizes = ", ".join("any" if size is None else str(size) for size in shape)
-    wanted = f"a {access}array{of_kind} with the shape ({sizes}{',' if len(shape) == 1 else ''})"
+    wanted = f"{access} array{of_kind} with the shape ({sizes}{',' if len(shape) == 1 else ''})"
     require_kind(name, value, np.ndarray, wanted)
-    access = "" if value.flags.writeable else "read-only "
+    access = "an" if value.flags.writeable else "a read-only"
     raise UprightError(
-        f"{name} is a {access}array of {value.dtype} with the shape {value.shape}; it must be "
+        f"{name} is {access} array of {value.dtype} with the shape {value.shape}; it must be "
         f"{wanted}"
     )
 

@@ -14,6 +14,7 @@ from upright.core.parameters import State
 from upright.core.rig import check_rig
 from upright.core.task import Task
 from upright.core.trials import run
+from upright.errors import require
 
 
 def bind(agent: Any, rng: np.random.Generator) -> Any:
@@ -64,7 +65,8 @@ def check_run(
     stop: np.ndarray,
 ) -> None:
     """Raise UprightError unless the arrays of a run have the sizes that the loop relies on."""
-    require_array("lengths", lengths, np.int64, task.trials)
+    require_array("lengths", lengths, np.int64, None)
+    require("number of lengths", len(lengths), task.trials, whole=True)
     require_array("stop", stop, np.bool_, 1, written=False)
     if task.rig is not None:
         check_rig(task.rig)
