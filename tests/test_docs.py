@@ -8,7 +8,7 @@ from upright.core.conditions import CONDITION_TERMS, NOISE_TERMS, PUBLISHED_NOIS
 from upright.reports.reproduction import report
 from upright.reports.tables import mean_text
 from upright.studies.columns import IDENTITY, KINDS, ORIGIN, RESULT, TRIAL
-from upright.studies.store import SCHEMA
+from upright.studies.schema import PRESENT
 
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("benchmarks/*.md")]
 
@@ -140,7 +140,7 @@ def test_the_page_on_data_has_every_kind_and_the_tables_of_a_store():
     page = (ROOT / "docs/data.md").read_text()
     for kind, data_type in KINDS.items():
         assert re.search(rf"^\| {kind} \| {re.escape(data_type)}(,| \|)", page, re.MULTILINE), kind
-    assert f"```sql{SCHEMA}```" in page
+    assert f"```sql\n{PRESENT}```" in page
 
 
 def test_the_page_on_data_tests_two_agents_in_ten_lines():

@@ -1,8 +1,13 @@
+import json
 import multiprocessing
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 import threading
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +17,7 @@ from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.studies.case import make_case
+from upright.studies.database import log_of
 from upright.studies.schema import NEWEST
 from upright.studies.store import Store
 from upright.studies.study import study
@@ -269,10 +275,9 @@ def test_an_old_store_is_read_without_a_change_and_gets_the_present_form_with_a_
     assert len(before) >= 6
     assert (old.read_bytes(), os.listdir(tmp_path)) == (bytes_before, ["old.sqlite"])
     with Store(old) as store:
-        assert (
-            store.version(*store.cases()[0][1:]) == before[0][0]["version"].replace("unknown", "")
-            or store.version(*store.cases()[0][1:]) is None
-        )
+        version = before[0][0]["version"]
+        known = None if version == "unknown" else version
+        assert store.version(*store.cases()[0][1:]) == known
         store.add(KEY, 1, result(0, 1))
         assert store.version(KEY, 1) == __version__
         assert rows(store) == [(0, True, [1], 0.5)]
@@ -295,6 +300,227 @@ def test_the_trials_in_old_stores_are_those_that_were_recorded():
             key, seed = store.cases()[1][1:]
             assert [r.lengths.tolist() for r in store.results(key, seed, 2)] == expected
             assert store.environments() == {0: ("", 10)}
+
+
+WRITES_AND_DIES = """
+import os, signal
+from upright.studies.store import Store
+from helpers import Result, np
+store = Store({path!r})
+for run in range(5):
+    store.add('{key}', 1, Result(run, True, np.array([1, run]), 0.5))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.fixture
+def killed(tmp_path):
+    """A store whose writer was killed: its runs are in the log alone."""
+    path = tmp_path / "killed" / "runs.sqlite"
+    path.parent.mkdir()
+    code = WRITES_AND_DIES.format(path=str(path), key=KEY)
+    died = python(code, PYTHONPATH=os.pathsep.join(sys.path))
+    assert died.returncode == -9, died.stderr
+    assert log_of(path).stat().st_size
+    return path
+
+
+def test_what_a_killed_process_wrote_is_read_without_a_change(killed):
+    def files():
+        return {path: path.read_bytes() for path in (killed, log_of(killed))}
+
+    before = files()
+    with Store(killed, must_exist=True) as store:
+        assert store.finished(KEY, 1) == set(range(5))
+    assert files() == before
+    with Store(killed) as store:
+        store.recover()
+    assert os.listdir(killed.parent) == ["runs.sqlite"]
+    with Store(killed) as store:
+        assert store.finished(KEY, 1) == set(range(5))
+
+
+def test_a_study_takes_in_what_a_killed_one_left(killed):
+    case = make_case("random-search", steps=300)
+    with Store(killed) as store:
+        store.add(case.key, 0, result(0, 300))
+    python(WRITES_AND_DIES.format(path=str(killed), key=KEY), PYTHONPATH=os.pathsep.join(sys.path))
+    assert log_of(killed).exists()
+    with Store(killed) as store:
+        study([case], 1, 0, store)
+    assert os.listdir(killed.parent) == ["runs.sqlite"]
+
+
+def test_a_migration_that_is_killed_leaves_the_old_store(old, tmp_path):
+    before = contents(old)
+    code = (
+        "import os, signal, upright.studies.schema as schema\n"
+        "from upright.studies.store import Store\n"
+        "schema._insert = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"Store({str(old)!r})._open_to_write()"
+    )
+    assert python(code).returncode == -9
+    assert contents(old) == before
+    with Store(old) as store:
+        store.add(KEY, 1, result(0, 1))
+    assert form(old) == NEWEST
+    assert os.listdir(tmp_path) == ["old.sqlite"]
+
+
+def test_a_store_of_a_newer_version_is_refused_and_left_alone(tmp_path):
+    path = tmp_path / "new.sqlite"
+    with Store(path) as store:
+        store.add(KEY, 1, result(0, 1))
+    database = sqlite3.connect(path)
+    database.execute(f"PRAGMA user_version = {NEWEST + 1}")
+    database.execute("ALTER TABLE runs ADD COLUMN more TEXT")
+    database.close()
+    content = path.read_bytes()
+    with pytest.raises(UprightError, match=r"new\.sqlite'; it was written by a newer version"):
+        Store(path)
+    assert path.read_bytes() == content
+
+
+def test_a_case_of_a_newer_version_is_refused_by_its_part(tmp_path):
+    case = make_case("random-search", steps=300)
+    key = json.dumps(json.loads(case.key) | {"weather": "fine"})
+    with Store(tmp_path / "new.sqlite") as store:
+        store.add(key, 1, result(0, 1))
+        with pytest.raises(UprightError, match=r"new\.sqlite'; .* part of a case is 'weather'"):
+            list(store.runs())
+
+
+@pytest.mark.parametrize("content", [b"", None])
+def test_reading_makes_no_store_of_an_empty_file(content, tmp_path):
+    path = tmp_path / "results.db"
+    path.write_bytes(content or b"")
+    if content is None:  # a database without tables
+        database = sqlite3.connect(path)
+        database.execute("PRAGMA journal_mode = WAL")
+        database.close()
+    before = path.read_bytes()
+    with Store(path, must_exist=True) as store:
+        assert store.cases() == []
+        assert store.finished(KEY, 1) == set()
+    assert (path.read_bytes(), os.listdir(tmp_path)) == (before, ["results.db"])
+
+
+@pytest.mark.parametrize("name", [":memory:", "file:runs?mode=memory", "t%41.db", "q?mode=ro#x.db"])
+def test_a_name_is_the_name_of_a_file_whatever_it_looks_like(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Store(name) as store:
+        store.add(KEY, 1, result(0, 1))
+    assert os.listdir(tmp_path) == [name]
+    with Store(name) as store:
+        assert store.finished(KEY, 1) == {0}
+
+
+@pytest.mark.parametrize("name", ["", "a\0b", "/dev/null"])
+def test_what_cannot_be_a_file_is_refused(name):
+    with pytest.raises(UprightError, match=r"^store is .*; it (must be the name of|is not a reg)"):
+        Store(name)
+
+
+@pytest.mark.parametrize("lost", ["deleted", "replaced", "log", "folder"])
+@pytest.mark.parametrize("moment", ["as it goes on", "at the end"])
+def test_a_store_that_is_lost_as_it_is_written_is_kept_elsewhere(
+    lost, moment, tmp_path, monkeypatch
+):
+    folder, refuge = tmp_path / "folder", tmp_path / "refuge"
+    for each in (folder, refuge):
+        each.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(refuge))
+    path = folder / "runs.sqlite"
+    store = Store(path)
+    store.add(KEY, 1, result(0, 1))
+    if lost == "folder":
+        shutil.rmtree(folder)
+    else:
+        (log_of(path) if lost == "log" else path).unlink()
+    if lost == "replaced":
+        path.write_text("something else")
+    at_the_end = moment == "at the end"
+    with pytest.raises(UprightError, match=r"runs\.sqlite'; it was deleted") as caught:
+        store.close() if at_the_end else store.add(KEY, 1, result(1, 1))
+    (kept,) = (refuge if lost == "folder" else folder).glob("*rescued*")
+    assert str(kept) in str(caught.value)
+    with Store(kept) as saved:
+        assert saved.finished(KEY, 1) == ({0} if at_the_end else {0, 1})
+    store.close()
+
+
+# ------------------------------------------------------------------------------ disks
+
+as_root = pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0 or not shutil.which("mount"),
+    reason="only root can mount a disk",
+)
+
+
+@contextmanager
+def mounted(folder, *options):
+    if subprocess.run(
+        ["mount", *options, str(folder)], check=False, capture_output=True
+    ).returncode:
+        pytest.skip("mounting is not allowed here")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@as_root
+@pytest.mark.parametrize("name", ["present", "old", "killed"])
+def test_a_store_on_a_read_only_disk_is_read_but_not_written(name, tmp_path, killed):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    path = folder / "runs.sqlite"
+    if name == "killed":
+        for each in killed.parent.iterdir():
+            shutil.copy(each, folder)
+    elif name == "old":
+        shutil.copy(OLD["0.2"], path)
+    else:
+        with Store(path) as store:
+            store.add(KEY, 1, result(0, 1))
+    before = contents(path) if name == "old" else None
+    with mounted(folder, "--bind", str(folder)):
+        subprocess.run(["mount", "-o", "remount,bind,ro", str(folder)], check=True)
+        with Store(path, must_exist=True) as store:
+            if name == "old":
+                assert [r.lengths.tolist() for _, r in store.runs()] == [each[2] for each in before]
+            else:
+                assert store.finished(KEY, 1) >= {0}
+            with pytest.raises(UprightError, match=r"runs\.sqlite'; it cannot be written to"):
+                store.add(KEY, 1, result(9, 1))
+
+
+@as_root
+def test_a_log_on_a_read_only_disk_that_cannot_be_read_is_explained(tmp_path, killed):
+    Path(f"{killed}-shm").unlink()
+    with mounted(killed.parent, "--bind", str(killed.parent)):
+        subprocess.run(["mount", "-o", "remount,bind,ro", str(killed.parent)], check=True)
+        with pytest.raises(
+            UprightError, match=r"runs\.sqlite'; .*; a process that wrote it was kil"
+        ):
+            Store(killed)
+
+
+@as_root
+def test_runs_that_ended_before_the_disk_was_full_are_kept(tmp_path):
+    with mounted(tmp_path, "-t", "tmpfs", "-o", "size=256k", "none"):
+        path, numbers = tmp_path / "runs.sqlite", np.random.default_rng(0)
+        kept = 0
+        with Store(path) as store, pytest.raises(UprightError, match=r"used: .*"):  # noqa: PT012
+            for run in range(1000):
+                store.add(KEY, 1, result(run, *numbers.integers(1, 10**9, 1000)))
+                kept += 1
+        assert 0 < kept < 1000
+        for must_exist in (False, True):
+            with Store(path, must_exist=must_exist) as store:
+                assert store.finished(KEY, 1) == set(range(kept))
+                assert len(store.results(KEY, 1)) == kept
+        assert integrity(path) == "ok"
 
 
 def test_an_empty_file_becomes_a_store(tmp_path):
@@ -366,6 +592,7 @@ def test_writing_waits_for_another_process_that_is_making_the_store(tmp_path):
 
 KILLED_STUDY = """
 import os, signal, sys
+from upright.studies.database import log_of
 from upright.studies.schema import NEWEST
 from upright.studies.store import Store
 from upright.studies.case import make_case

@@ -92,7 +92,8 @@ def make_frame(
             return np.concatenate([np.zeros(0, KINDS[kind]), *cells[name]])
         return _series(library, kind, cells[name]).repeat(sizes).array
 
-    frame: pandas.DataFrame = library.DataFrame({name: column(name) for name in cells})
+    made = {name: column(name) for name in cells}
+    frame: pandas.DataFrame = library.DataFrame(made, copy=False)  # a copy takes as much again
     return frame
 
 

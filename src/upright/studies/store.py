@@ -118,9 +118,14 @@ class Store:
         """Return the database, which can be written to from now on."""
         if self._database and self._is_written:
             return self._database
+        path = None if self.path is None else Path(self.path)
+        if path and not all(
+            os.access(each, os.W_OK) for each in (path, path.parent) if each.exists()
+        ):
+            raise UprightError(f"store is {str(path)!r}; it cannot be written to, only read")
         if self._database:
             self._database.close()
-        database = Database(None if self.path is None else Path(self.path))
+        database = Database(path)
         try:
             prepare(database)
         except BaseException:
