@@ -137,9 +137,9 @@ def _sizes(
     if part in names:
         return parse_terms(kind, names[part], terms, {}) if names[part] else {}
     name, sign, size = (word.strip() for word in part.partition("="))
-    if name in names:
-        raise UprightError(f"{kind} {name} is {size!r}; it is a case, which has no size")
     if (form := form_of(name, terms)) is None:
+        if name in names:
+            raise UprightError(f"{kind} {name} is {size!r}; it is a case, which has no size")
         if why := advice(name):
             raise UprightError(f"{kind} is {part!r}; {why}")
         require_one_of(kind, name, dict.fromkeys([*names, *written(terms)]))
