@@ -24,7 +24,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
@@ -188,7 +188,7 @@ def _forget_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5")
 
 
-def work(connection: Connection, now: Any, folder: Path, seed: int) -> None:
+def work(connection: Connection, now: Any, folder: Path, seed: int, place: Path) -> None:
     """Try inputs as a worker: for each job that is received, send its figures."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())  # what libraries warn of
     warnings.simplefilter("ignore")
@@ -202,13 +202,15 @@ def work(connection: Connection, now: Any, folder: Path, seed: int) -> None:
         peak = base = _peak()
         for number in numbers:
             now.value = number
-            wrong = bench.try_one(name, bench.input_of(name, seed, number), figures)
+            data = bench.input_of(name, seed, number)
+            wrong = bench.try_one(name, data, figures)
             if (reached := _peak()) > peak:
                 if reached - peak > MEGABYTES:
                     wrong = wrong or f"it took {reached - peak:.0f} MB"
                 peak = reached
             if wrong:
                 figures.failures[str(number)] = wrong
+                keep(place, name, number, data, wrong)
         figures.memory = peak - base
         if left := bench.left():
             figures.failures[f"{numbers[0]}"] = f"the job left {', '.join(left)}"
@@ -231,7 +233,8 @@ class Worker:
         self._folder = tempfile.TemporaryDirectory(prefix="upright-fuzz-")
         self._now = context.Value("q", -1, lock=False)
         self.connection, theirs = context.Pipe()
-        arguments = (theirs, self._now, Path(self._folder.name), self._seed)
+        place = FAILURES.absolute()
+        arguments = (theirs, self._now, Path(self._folder.name), self._seed, place)
         self._process = context.Process(target=work, args=arguments, daemon=True)
         self._process.start()
         theirs.close()
@@ -253,6 +256,11 @@ class Worker:
         if number >= 0 and time.monotonic() - self._since > 2 * SECONDS:
             return number, f"it had not ended after {2 * SECONDS:g} s"
         return None
+
+    def input(self, suffix: str) -> bytes:
+        """Return the input that is being tried; empty if there is none."""
+        path = Path(self._folder.name) / f"input{suffix}"
+        return path.read_bytes() if path.exists() else b""
 
     def restart(self) -> None:
         """Replace the process by a new one."""
@@ -281,6 +289,8 @@ def jobs(names: Sequence[str], inputs: int) -> Iterator[tuple[str, range]]:
 
 def fuzz(names: Sequence[str], inputs: int, seed: int, workers: int) -> dict[str, Figures]:
     """Try this many inputs in all, and return the figures of each target."""
+    from fuzz_targets import TARGETS
+
     totals = {name: Figures() for name in names}
     waiting, began = list(jobs(names, inputs))[::-1], time.monotonic()
     due = sum(len(numbers) for _, numbers in waiting)
@@ -297,6 +307,8 @@ def fuzz(names: Sequence[str], inputs: int, seed: int, workers: int) -> dict[str
                     worker.job = None
             for worker in crew:
                 if worker.job and (lost := worker.lost()):
+                    data = worker.input(TARGETS[worker.job[0]].suffix)
+                    keep(FAILURES.absolute(), worker.job[0], lost[0], data, lost[1])
                     waiting += _without(worker.job, lost, totals)
                     worker.restart()
                     worker.job = None
@@ -360,22 +372,15 @@ def _row(name: str, figures: Figures) -> str:
     return f"| {name} | {numbers} | {found} | {figures.slowest:.2f} | {figures.memory:.0f} |"
 
 
-def keep(totals: dict[str, Figures], seed: int) -> None:
-    """Write the inputs that failed, and what happened, and print how to repeat them."""
+def keep(place: Path, name: str, number: int, data: bytes, wrong: str) -> None:
+    """Write an input that failed, and beside it what happened and how to repeat it."""
     from fuzz_targets import TARGETS
 
-    with tempfile.TemporaryDirectory(prefix="upright-fuzz-") as folder:
-        place = FAILURES.absolute()
-        bench = Bench(Path(folder))
-        for name, figures in totals.items():
-            for number, wrong in figures.failures.items():
-                place.mkdir(exist_ok=True)
-                path = place / f"{name}-{number}{TARGETS[name].suffix}"
-                path.write_bytes(bench.input_of(name, seed, int(number)))
-                path.with_name(f"{path.name}.why").write_text(wrong)
-                print(f"python tools/fuzz.py --repeat {FAILURES / path.name}")
-                print(f"    {wrong.strip().splitlines()[-1][:200]}")
-        os.chdir(place.parent)
+    place.mkdir(exist_ok=True)
+    path = place / f"{name}-{number}{TARGETS[name].suffix}"
+    path.write_bytes(data)
+    how = f"python tools/fuzz.py --repeat {FAILURES / path.name}"
+    path.with_name(f"{path.name}.why").write_text(f"{how}\n{wrong.rstrip()}\n")
 
 
 def repeat(path: Path) -> int:
@@ -412,9 +417,12 @@ def main() -> int:
         parser.error(f"target is {unknown[0]!r}; it must be one of {', '.join(TARGETS)}")
     totals = fuzz(names, options.inputs, options.seed, options.workers)
     print(report(totals))
+    for name, figures in totals.items():
+        for number, wrong in figures.failures.items():
+            suffix, last = TARGETS[name].suffix, wrong.strip().splitlines()[-1]
+            print(f"{FAILURES / f'{name}-{number}{suffix}'}: {last[:200]}")
     if options.json:
-        options.json.write_text(json.dumps({n: asdict(f) for n, f in totals.items()}, indent=1))
-    keep(totals, options.seed)
+        options.json.write_text(json.dumps({n: vars(f) for n, f in totals.items()}, indent=1))
     return 1 if any(figures.failures for figures in totals.values()) else 0
 
 

@@ -33,13 +33,13 @@ CONTROLS = """
         "exits": lambda path: sys.exit(0),
         "aborts": lambda path: os.abort() if path.read_bytes()[:1] != b"a" else None,
         "hangs": lambda path: time.sleep(60) if path.read_bytes()[:1] != b"a" else None,
-        "is slow": lambda path: time.sleep(0.6),
-        "hoards": lambda path: kept.append(np.ones(10**8)),
+        "is slow": lambda path: time.sleep(2.1),
+        "hoards": lambda path: kept.append(np.ones(10**7)),
         "leaves files": lambda path: Path("left").write_text("x"),
         "goes astray": go_astray,
         "starts programs": lambda path: os.system("true"),
     }}
-    fuzz.SECONDS = 0.5
+    fuzz.SECONDS, fuzz.MEGABYTES = 2.0, 30.0
     seeds = lambda: [b"abc", b"bcd"]
     fuzz_targets.TARGETS |= {{
         name: fuzz_targets.Target(seeds, read, share=1) for name, read in READERS.items()
@@ -74,9 +74,9 @@ def test_what_goes_wrong_is_noticed(tmp_path):
         "raises": "ZeroDivisionError",
         "exits": "SystemExit",
         "aborts": "it ended the process with status -6",
-        "hangs": "it had not ended after 1 s",
-        "is slow": "it took 0.6 s",
-        "hoards": "MB",
+        "hangs": "it had not ended after 4 s",
+        "is slow": "it took 2.",
+        "hoards": "it took 76 MB",
         "leaves files": "the job left left",
         "goes astray": "EscapedError: open of '/tmp/upright-astray'",
         "starts programs": "EscapedError: os.system",

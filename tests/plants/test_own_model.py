@@ -1,6 +1,7 @@
 """Models of the user's own in MuJoCo: what is found, what is refused, and that agents learn."""
 
 import math
+import re
 from dataclasses import replace
 
 import mujoco
@@ -393,3 +394,21 @@ def test_a_case_on_a_model_is_shown_with_it():
     case = Case.from_data(make_case("reinforce", plant=settings("motor.xml")).as_data())
     assert case.spec == TaskSpec()
     assert "motor.xml" in repr(case)
+
+
+def test_a_joint_whose_name_is_not_text_has_a_number(tmp_path):
+    text = (ROOT / "tests/data/models/slider.urdf").read_bytes()
+    names = re.findall(rb'<joint name="(\w+)"', text)
+    for name in names:
+        text = text.replace(b'"' + name + b'"', b'"\xec' + name + b'"')
+    path = tmp_path / "odd.urdf"
+    path.write_bytes(text)
+    found = Mujoco(model=str(path)).found()
+    assert found["cart"].startswith("joint #")
+    assert found["pole"].startswith("joint #")
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", ".", "\0", "a" * 300])
+def test_a_model_that_is_no_file_is_refused_at_once(path):
+    with pytest.raises(UprightError, match=r"it is not a file|it cannot be read"):
+        Mujoco(model=path).found()

@@ -276,8 +276,11 @@ class _Search:
         return np.flatnonzero(self._model.jnt_type == int(kind)).tolist()
 
     def _name(self, joint: int) -> str:
-        """Return a joint's name, or its number if it has none."""
-        return self._model.joint(joint).name or f"#{joint}"
+        """Return a joint's name, or its number if it has none that is text."""
+        try:
+            return self._model.joint(joint).name or f"#{joint}"
+        except UnicodeDecodeError:
+            return f"#{joint}"
 
     def _above(self, joint: int) -> list[int]:
         """Return the joints between the world and the body of a joint, with those of this body."""
