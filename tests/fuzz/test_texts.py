@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from upright.agents import AGENTS
 from upright.agents.checks.names import agents_in
-from upright.commands import COMMANDS, make_parser
+from upright.commands import COMMANDS, make_parser, run
 from upright.commands.check import classes_in
 from upright.core.conditions import CONDITION_TERMS, NOISE_TERMS
 from upright.core.parameters import Parameters, parse_parameters
@@ -164,3 +164,11 @@ def _here(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("here"))
         yield
+
+
+@pytest.mark.parametrize("words", [["--plant", "gazebo"], ["--x", "ros2"], ["ros2", "--x"]])
+def test_an_option_without_a_command_is_refused(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        run(words)
+    assert ended.value.code == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
