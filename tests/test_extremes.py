@@ -78,10 +78,10 @@ def test_an_agent_makes_a_run_with_every_number_that_its_settings_take(name):
                 continue  # another number of edges is compiled anew
             for number in NUMBERS:
                 if not refusal(settings, field, number):
-                    case = make_case(name, label, settings={field: number}, steps=60, trials=2)
+                    case = make_case(name, label, settings={field: number}, steps=10, trials=2)
                     _, result = make_run(case, 0, 0)
                     assert 1 <= result.trials <= 2
-                    assert result.lengths.max() <= 60
+                    assert result.lengths.max() <= 10
 
 
 @pytest.mark.parametrize("name", Parameters._fields)

@@ -156,7 +156,7 @@ def test_physics_steps_make_up_the_time_step(physics_step, substeps):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"physics_step": -0.02}, "physics_step is -0.02; it must be a number, at least 0"),
+        ({"physics_step": -0.02}, "physics_step is -0.02; it must be a number, at least 1e-06"),
         ({"physics_step": math.nan}, "physics_step is nan"),
         ({"physics_step": "0.02"}, "physics_step is '0.02'"),
         ({"integrator": "RK4"}, "integrator is 'RK4'; it must be one of euler, implicit, "),
