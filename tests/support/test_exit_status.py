@@ -84,13 +84,13 @@ def test_statuses_differ():
     assert len({0, 1, BAD_USE, AGENT_FAILED, UNWRITTEN, INTERRUPTED}) == 6
 
 
-def test_a_warning_of_an_agent_is_one_line_however_often(capsys):
+def test_a_warning_of_an_agent_is_one_line_and_the_same_one_is_shown_once(capsys):
     def work():
-        for _ in range(2):
-            warnings.warn("doubtful", AgentWarning, stacklevel=1)
+        for text in ("doubtful", "doubtful", "odd"):
+            warnings.warn(text, AgentWarning, stacklevel=1)
         return 0
 
     usual = warnings.showwarning
     assert exit_status(work) == 0
-    assert capsys.readouterr().err == "upright: warning: doubtful\n" * 2
+    assert capsys.readouterr().err == "upright: warning: doubtful\nupright: warning: odd\n"
     assert warnings.showwarning is usual
