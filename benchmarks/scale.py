@@ -159,7 +159,7 @@ def text(runs: int, rounds: int, pieces: int) -> str:
 def main() -> None:
     """Measure, and print the tables or write them into a page."""
     parser = make_parser(__doc__, "docs/scale.md")
-    parser.add_argument("--runs", type=int, default=200, help="runs of each of two cases")
+    parser.add_argument("--runs", type=int, default=500, help="runs of each of two cases")
     parser.add_argument("--rounds", type=int, default=5, help="studies of each kind")
     parser.add_argument("--pieces", type=int, default=1000, help="empty pieces of work")
     options = parser.parse_args()

@@ -27,7 +27,7 @@ from upright.support.exit_status import BAD_USE, INTERRUPTED
 
 distributed = pytest.importorskip("distributed")
 
-LIMIT = 120
+LIMIT = 240
 """What is waited for must come within this time [s]."""
 CASE = make_case("random-search", steps=300)
 TABLE = "table --agents random-search --noises none --steps 600000"
@@ -212,9 +212,9 @@ def test_an_interrupt_cancels_what_the_workers_do(machines, tmp_path):
 
 @pytest.mark.slow
 def test_killed_workers_change_nothing_and_after_a_killed_scheduler_the_command_goes_on(tmp_path):
-    case, runs, store = make_case("random-search", steps=600_000), 500, tmp_path / "runs.sqlite"
+    case, runs, store = make_case("random-search", steps=600_000), 300, tmp_path / "runs.sqlite"
     line = (
-        "table --agents random-search --noises none --steps 600000 --runs 500 --store runs.sqlite"
+        "table --agents random-search --noises none --steps 600000 --runs 300 --store runs.sqlite"
     )
     line += " --executor dask --address "
     first = Machines(tmp_path)
