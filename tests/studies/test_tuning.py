@@ -315,7 +315,7 @@ def test_an_interrupt_while_writing_leaves_the_store_unlocked(whole, tmp_path, s
 
 
 def test_a_finished_search_makes_no_run(whole, monkeypatch):
-    monkeypatch.setattr(tuning, "study", None)
+    monkeypatch.setattr(tuning, "make_missing_runs", None)
     assert search(wanted(), 14, whole[1]) == whole[0]
 
 

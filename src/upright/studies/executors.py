@@ -9,6 +9,7 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 from upright.errors import UprightError, require_kind
+from upright.support.processes import process_pool
 
 if TYPE_CHECKING:  # what takes a second to import; commands read the names here for their help
     import numpy as np
@@ -123,7 +124,6 @@ def local_executor(cases: Sequence["Case"], kind: str | None = None) -> Executor
     """
     from upright.studies.custom import definitions_of, is_plain_python
     from upright.studies.definitions import receive
-    from upright.support.processes import process_pool
 
     if any(case.plant.alone for case in cases):
         return ThreadPoolExecutor(1)
