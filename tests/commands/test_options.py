@@ -106,12 +106,6 @@ def test_every_example_can_be_parsed(name):
         assert callable(options.command), line
 
 
-def required_options(parser):
-    """Return those options that a command cannot do without, each with a value."""
-    required = [action for action in parser._actions if action.required and action.option_strings]
-    return [word for action in required for word in (action.option_strings[0], "value")]
-
-
 @pytest.mark.parametrize("name", LEAVES)
 def test_a_command_gets_its_own_options_and_no_more(name):
     parser = LEAVES[name]
@@ -119,7 +113,6 @@ def test_a_command_gets_its_own_options_and_no_more(name):
     needed = [action for action in parser._actions if not action.option_strings]
     needed = [action for action in needed if action.nargs != "?" or action.metavar == "AGENT"]
     words = [next(iter(each.choices)) if each.choices else f"x{n}" for n, each in enumerate(needed)]
-    words += required_options(parser)
     given = vars(make_parser().parse([*name.split(), *words]))
     assert given.keys() - {"command", "parser", "check"} <= own
 
@@ -426,7 +419,6 @@ def test_no_option_may_be_shortened(name, capsys):
     """Otherwise an option that a command lacks is taken for a longer one that it has."""
     needed = [action for action in LEAVES[name]._actions if not action.option_strings]
     words = [next(iter(a.choices)) if a.choices else "x" for a in needed if a.nargs != "?"]
-    words += required_options(LEAVES[name])
     flags = [flag for flag in LEAVES[name]._option_string_actions if flag.startswith("--")]
     for flag in flags:
         if flag[:-1] not in flags and flag != "--ros-args":

@@ -1,5 +1,4 @@
 import json
-import multiprocessing
 import os
 import shutil
 import sqlite3
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import ROOT, python, write_results
+from helpers import ROOT, python
 
 from upright import __version__
 from upright.core.trials import Result
@@ -548,24 +547,33 @@ def test_a_full_disk_is_reported_and_loses_nothing(tmp_path):
 # ------------------------------------------------------------------------------ several processes
 
 
+CROWD = """
+import multiprocessing
+from helpers import write_results
+
+context = multiprocessing.get_context("fork")
+barrier = context.Barrier(32)
+spans = [(10 * number, 10 * number + 20) for number in range(32)]
+workers = [
+    context.Process(target=write_results, args=({path!r}, '{key}', *span, barrier))
+    for span in spans
+]
+for worker in workers:
+    worker.start()
+for worker in workers:
+    worker.join()
+print([worker.exitcode for worker in workers] == 32 * [0])
+"""
+
+
 @pytest.mark.slow
-def test_several_processes_write_to_one_store(tmp_path):
-    """They open a new file at the same moment, and some of their runs are the same."""
-    path, context = tmp_path / "results.db", multiprocessing.get_context("spawn")
-    barrier = context.Barrier(3)
-    spans = [(0, 60), (40, 100), (90, 150)]
-    workers = [
-        context.Process(target=write_results, args=(path, KEY, *span, barrier), daemon=True)
-        for span in spans
-    ]
-    for worker in workers:
-        worker.start()
-    for worker in workers:
-        worker.join(120)
-    assert [worker.exitcode for worker in workers] == [0, 0, 0]
-    store = Store(path)
-    assert rows(store) == [(run, True, [run, run + 1], 0.5) for run in range(150)]
-    store.close()
+def test_many_processes_write_to_one_store(tmp_path):
+    """They open a new file at the same moment, and most of their runs are the same."""
+    path = tmp_path / "results.db"
+    told = python(CROWD.format(path=str(path), key=KEY), PYTHONPATH=os.pathsep.join(sys.path))
+    assert told.stdout == "True\n", told.stderr
+    with Store(path) as store:
+        assert rows(store) == [(run, True, [run, run + 1], 0.5) for run in range(330)]
     assert integrity(path) == "ok"
 
 

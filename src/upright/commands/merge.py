@@ -4,6 +4,7 @@ import argparse
 
 from upright.commands.options import add
 from upright.commands.parser import READ, Parser
+from upright.errors import UprightError
 from upright.support.exit_status import FAILED
 
 EXAMPLES = """\
@@ -27,13 +28,15 @@ def add_options(parser: Parser) -> None:
     add(
         parser,
         "--output",
-        required=True,
-        help="the store that gets all their runs; if it is there, what it holds stays",
+        help="the store that gets all their runs, which must be named; if it is there, what it "
+        "holds stays",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright merge`."""
+    if options.output is None:
+        raise UprightError("output is missing; name the store that gets the runs with --output")
     from upright.studies.merge import merge
     from upright.studies.reading import reading_bar
 
