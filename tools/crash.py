@@ -737,6 +737,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main() -> int:
     """Kill, report, and return 1 if something is wrong."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     options = make_parser().parse_args()
     chosen = [each for each in SCENARIOS if each.name in (options.scenario or [each.name])]
     folder = Path(tempfile.mkdtemp(prefix="upright-crash-"))
