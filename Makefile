@@ -4,13 +4,19 @@
 PYTHON ?= python3
 BIN := .venv/bin
 RUNS ?= 20
+INPUTS ?= 1000000
+KILLS ?= 1000
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help reproduce test coverage test-matlab test-sb3 octave gazebo lint benchmark release clean
+.PHONY: help reproduce test coverage bounds fuzz crash test-matlab test-sb3 octave gazebo lint \
+	benchmark release clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
 	@echo "make coverage    what the quick tests execute of each package, in lines and branches"
+	@echo "make bounds      the tests of compiled code with every index checked, some minutes"
+	@echo "make fuzz        damaged inputs for everything that parses, hours (INPUTS=1000000)"
+	@echo "make crash       kill every command that writes, an hour (KILLS=1000)"
 	@echo "make octave      install GNU Octave for the MATLAB twin (Debian, Ubuntu)"
 	@echo "make gazebo      bring Gazebo 11 into your cache, 0.3 GB to download (Debian)"
 	@echo "make test-matlab the tests of the MATLAB twin alone"
@@ -46,6 +52,18 @@ test: lint
 coverage: .venv/developed
 	$(BIN)/python tools/measure_coverage.py
 
+# Compiled code reads arrays without looking at their sizes; here it looks.
+bounds: .venv/developed
+	NUMBA_BOUNDSCHECK=1 $(BIN)/pytest --numprocesses auto -m "not slow and not timing" \
+	  tests/core tests/agents tests/environments tests/policies
+
+fuzz: .venv/developed
+	$(BIN)/python tools/fuzz.py --inputs $(INPUTS)
+
+crash: .venv/developed
+	$(BIN)/python tools/crash.py --kills $(KILLS) --record docs/results/reliability.json
+	$(BIN)/python tools/reliability.py
+
 octave:
 	matlab/install-octave.sh --window
 
@@ -67,9 +85,10 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/gazebo.py --output docs/gazebo.md
 	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
 	$(BIN)/python benchmarks/disturbances.py --output docs/disturbances.md
+	$(BIN)/python benchmarks/scale.py --output docs/scale.md
 
 release: .venv/developed
 	$(BIN)/python tools/release.py
 
 clean:
-	rm -rf .venv results dist benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv results dist benchmarks/build .mypy_cache .pytest_cache .ruff_cache .hypothesis fuzz-failures

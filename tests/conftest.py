@@ -55,6 +55,8 @@ FIRST = (
     "test_package.py",
     "studies/test_matlab_twin.py",
     "test_same_trials.py",
+    "studies/test_cluster.py",
+    "fuzz/test_fuzz.py",
     "test_notebooks.py",
     "test_benchmarks.py",
 )

@@ -1,31 +1,25 @@
 """A short form of tools/crash.py, and what that program must find."""
 
-import importlib.util
 import json
 import os
 import subprocess
-import sys
 
+import crash
 import numpy as np
 import pytest
-from helpers import ROOT
+import reliability
 
 from upright.commands import COMMANDS
 from upright.core.trials import Result
 from upright.studies.case import make_case
 from upright.studies.store import Store
 
-spec = importlib.util.spec_from_file_location("crash", ROOT / "tools/crash.py")
-crash = importlib.util.module_from_spec(spec)
-sys.modules["crash"] = crash  # its dataclasses look it up
-spec.loader.exec_module(crash)
-
 CHEAPEST = ("new", "cite")
 SHORT = crash.Scenario(
     "table-short",
     "table --agents random-search --noises none --runs 50 --steps 300 --store a.sqlite",
 )
-READ_ONLY = {"agents", "check", "completion", "plants", "terms"}
+READ_ONLY = {"agents", "check", "completion", "plants", "terms", "verify"}
 """Commands that write nothing but to the terminal."""
 ELSEWHERE = {"gazebo", "ros2"}
 """Commands that serve other programs: tests/plants/test_gazebo.py, tests/nodes/test_ros2.py."""
@@ -158,7 +152,7 @@ def test_children_that_outlive_a_command_are_found_and_killed(tmp_path, monkeypa
 def test_figures_are_recorded_beside_those_of_other_long_runs(tmp_path):
     tallies = [crash.Tally(SHORT, 4, 3, 2), crash.Tally(SHORT, 1, 0, 1, 0.9, ["lost"])]
     (path := tmp_path / "records.json").write_text('{"fuzz": 1, "crash": 2}')
-    crash.put(crash.figures(tallies, 7), path)
+    reliability.put("crash", crash.figures(tallies, 7), path)
     records = json.loads(path.read_text())
     assert records["fuzz"] == 1
     assert records["crash"]["rows"][-1] == ["all", 5, 3, 3, 1]

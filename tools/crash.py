@@ -24,7 +24,6 @@ the folder is kept, and the line that reports it says how to repeat the round.
 """
 
 import argparse
-import json
 import os
 import re
 import shlex
@@ -42,6 +41,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
+
+import reliability
 
 from upright.support.files import user_cache
 
@@ -65,6 +66,10 @@ INPUTS = {
     "policy.npz": f"learn random-search {SHORT} --quiet --save policy.npz",
     "runs.sqlite": f"table --agents random-search --noises none,sensor-5 --runs 20 {SHORT} "
     "--parameter half_length=0.3,0.5 --store runs.sqlite",
+    "other.sqlite": f"table --agents random-search --noises none --runs 20 {SHORT} --seed 1 "
+    "--store other.sqlite",
+    "a.toml": f"table --agents random-search --noises none,sensor-5 --runs 50 {SHORT} "
+    "--save-study a.toml",
     "my_agent.py": "new my_agent.py",
 }
 """Files that commands read, and the commands that make them."""
@@ -147,6 +152,13 @@ SCENARIOS = (
         f"tune q-learning --candidates 6 --runs 4 --validation-runs 4 --noises none {SHORT} "
         "--trials 100 --store a.sqlite --output a.toml",
     ),
+    Scenario(
+        "merge",
+        "merge runs.sqlite other.sqlite --output all.sqlite",
+        ("runs.sqlite", "other.sqlite"),
+        prints_the_same=False,
+    ),
+    Scenario("study", "study a.toml --format json --output a.json", ("a.toml",)),
     Scenario("show-table", "show runs.sqlite --format latex --output a.tex", ("runs.sqlite",)),
     Scenario("show-csv", "show runs.sqlite --each trial --output a.csv", ("runs.sqlite",)),
     Scenario(
@@ -696,12 +708,6 @@ def figures(tallies: Sequence[Tally], seed: int) -> dict[str, Any]:
     }
 
 
-def put(found: dict[str, Any], path: Path) -> None:
-    """Write figures into a file of records, in place of the previous ones."""
-    records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    path.write_text(json.dumps(records | {"crash": found}, indent=1) + "\n", encoding="utf-8")
-
-
 def show(tallies: Sequence[Tally], seed: int) -> None:
     """Print the figures as a table, and a line for each fault."""
     found = figures(tallies, seed)
@@ -765,7 +771,7 @@ def main() -> int:
     else:
         status = int(any(tally.faults for tally in tallies.values()))
         if options.record:
-            put(figures([*tallies.values()], options.seed), options.record)
+            reliability.put("crash", figures([*tallies.values()], options.seed), options.record)
     show([*tallies.values()], options.seed)
     if not any(tally.faults for tally in tallies.values()):
         shutil.rmtree(folder)

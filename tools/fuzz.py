@@ -353,23 +353,41 @@ def _show(totals: dict[str, Figures], due: int, seconds: float) -> None:
     print(f"\r{line}", end="", file=sys.stderr, flush=True)
 
 
-def report(totals: dict[str, Figures]) -> str:
-    """Return the figures as a table in Markdown."""
-    lines = [
-        "| target | inputs | accepted | refused | reasons | failures | slowest [s] | memory [MB] |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|",
-    ]
+HEAD = (
+    "target",
+    "inputs",
+    "accepted",
+    "refused",
+    "reasons",
+    "faults",
+    "slowest [s]",
+    "memory [MB]",
+)
+
+
+def rows(totals: dict[str, Figures]) -> list[list[Any]]:
+    """Return the figures of each target, and those of all, in the columns of HEAD."""
     every = Figures()
-    for name, figures in totals.items():
+    for figures in totals.values():
         every.add(figures)
-        lines.append(_row(name, figures))
-    return "\n".join([*lines, _row("all", every)])
+    return [
+        [
+            name,
+            *(figures.inputs, figures.accepted, figures.refused),
+            *(len(figures.reasons), len(figures.failures)),
+            *(f"{figures.slowest:.2f}", f"{figures.memory:.0f}"),
+        ]
+        for name, figures in (totals | {"all": every}).items()
+    ]
 
 
-def _row(name: str, figures: Figures) -> str:
-    numbers = f"{figures.inputs:,} | {figures.accepted:,} | {figures.refused:,}"
-    found = f"{len(figures.reasons):,} | {len(figures.failures)}"
-    return f"| {name} | {numbers} | {found} | {figures.slowest:.2f} | {figures.memory:.0f} |"
+def record(totals: dict[str, Figures], seed: int) -> dict[str, Any]:
+    """Return what came out in the form of a section of docs/results/reliability.json."""
+    from upright import __version__
+
+    inputs = sum(figures.inputs for figures in totals.values())
+    command = f"python tools/fuzz.py --inputs {inputs} --seed {seed}"
+    return {"command": command, "version": __version__, "head": HEAD, "rows": rows(totals)}
 
 
 def keep(place: Path, name: str, number: int, data: bytes, wrong: str) -> None:
@@ -406,6 +424,7 @@ def main() -> int:
     parser.add_argument("--target", action="append", metavar="NAME", help="this one; repeatable")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to this file")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="write a table of them here")
     parser.add_argument("--repeat", type=Path, metavar="FILE", help="try one failure again")
     options = parser.parse_args()
     if options.repeat:
@@ -416,11 +435,16 @@ def main() -> int:
     if unknown := [name for name in names if name not in TARGETS]:
         parser.error(f"target is {unknown[0]!r}; it must be one of {', '.join(TARGETS)}")
     totals = fuzz(names, options.inputs, options.seed, options.workers)
-    print(report(totals))
+    for name, *cells in [HEAD, *rows(totals)]:
+        print(f"{name:14}", *(f"{cell:>12}" for cell in cells))
     for name, figures in totals.items():
         for number, wrong in figures.failures.items():
             suffix, last = TARGETS[name].suffix, wrong.strip().splitlines()[-1]
             print(f"{FAILURES / f'{name}-{number}{suffix}'}: {last[:200]}")
+    if options.record:
+        import reliability
+
+        reliability.put("fuzz", record(totals, options.seed), options.record)
     if options.json:
         options.json.write_text(json.dumps({n: vars(f) for n, f in totals.items()}, indent=1))
     return 1 if any(figures.failures for figures in totals.values()) else 0

@@ -11,6 +11,7 @@ import json
 import shlex
 import socket
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -175,6 +176,40 @@ def _read_task_file(path: Path) -> None:
     from upright.studies.task_file import read_task
 
     make_case("random-search", **read_task(path)).spec.task(np.random.default_rng(0))
+
+
+def _study_files() -> list[bytes]:
+    small = b'agents = ["random-search"]\nruns = 3\nseed = 1\nsteps = [300, 600]\n'
+    grid = b'[parameters]\nhalf_length = "0.3:1:3"\n[settings.random-search]\nfrom = "default"\n'
+    return [small + grid, (ROOT / "examples/study.toml").read_bytes()]
+
+
+def _read_study_file(path: Path) -> None:
+    from upright.studies.study_file import read_study
+
+    for case in read_study(path)["cases"][:5]:
+        case.spec.task(np.random.default_rng(0))
+
+
+def _stores() -> list[bytes]:
+    from upright.studies.store import Store
+    from upright.studies.study import study
+
+    old = [path.read_bytes() for path in sorted((ROOT / "tests/data/stores").glob("*.sqlite"))]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "runs.sqlite")
+        with Store(path) as store:
+            study([make_case("random-search", steps=300)], 5, store=store, executor="threads")
+        return [*old, path.read_bytes()]
+
+
+def _read_store(path: Path) -> None:
+    from upright.reports.statistics import stored_rows
+    from upright.studies.store import Store
+
+    with Store(path, must_exist=True) as store:
+        list(store.runs())
+    stored_rows(path)
 
 
 def _settings_files() -> list[bytes]:
@@ -445,6 +480,8 @@ TARGETS = {
     "policy-plain": Target(_plain_archives, _read_plain_policy, ".npz", share=15),
     "policy-json": Target(_forms, _read_policy, ".json", share=20),
     "task-file": Target(_task_files, _read_task_file, ".toml", _term_words),
+    "study-file": Target(_study_files, _read_study_file, ".toml", _term_words),
+    "store": Target(_stores, _read_store, ".sqlite", share=15),
     "settings-file": Target(_settings_files, _read_settings_file, ".toml", _settings_words),
     "terms": Target(_terms, _read_terms, words=_term_words, share=30),
     "parameters": Target(

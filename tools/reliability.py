@@ -35,6 +35,12 @@ def filled(page: str, records: dict[str, Any]) -> str:
     return MARKED.sub(lambda part: f"{part[1]}{section(records.get(part[2]))}{part[3]}", page)
 
 
+def put(name: str, found: dict[str, Any], path: Path = RECORDS) -> None:
+    """Write the figures of a long run into a file of records, in place of its previous ones."""
+    records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    path.write_text(json.dumps(records | {name: found}, indent=1) + "\n", encoding="utf-8")
+
+
 def main() -> None:
     """Write the page."""
     records = json.loads(RECORDS.read_text(encoding="utf-8"))

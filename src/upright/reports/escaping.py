@@ -7,6 +7,7 @@ them begin with. Pictures need none: their style takes no text for mathematics.
 import html
 import re
 import unicodedata
+from functools import lru_cache
 
 from upright.support.terminal import visible
 
@@ -52,10 +53,13 @@ def csv_cell(value: object) -> object:
     >>> csv_cell("=HYPERLINK(1)"), csv_cell("q-learning"), csv_cell(-1.5)
     ("'=HYPERLINK(1)", 'q-learning', -1.5)
     """
-    if not isinstance(value, str):
-        return value
-    begins = unicodedata.normalize("NFKC", value.lstrip()[:1])
-    return f"'{visible(value)}" if begins in (*FORMULA, "'") else visible(value)
+    return _csv_text(value) if isinstance(value, str) else value
+
+
+@lru_cache
+def _csv_text(text: str) -> str:
+    begins = unicodedata.normalize("NFKC", text.lstrip()[:1])
+    return f"'{visible(text)}" if begins in (*FORMULA, "'") else visible(text)
 
 
 def latex(text: str) -> str:
