@@ -58,7 +58,8 @@ bounds: .venv/developed
 	  tests/core tests/agents tests/environments tests/policies
 
 fuzz: .venv/developed
-	$(BIN)/python tools/fuzz.py --inputs $(INPUTS)
+	$(BIN)/python tools/fuzz.py --inputs $(INPUTS) --record docs/results/reliability.json
+	$(BIN)/python tools/reliability.py
 
 crash: .venv/developed
 	$(BIN)/python tools/crash.py --kills $(KILLS) --record docs/results/reliability.json
