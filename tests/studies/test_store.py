@@ -301,6 +301,20 @@ def test_the_trials_in_old_stores_are_those_that_were_recorded():
             assert store.environments() == {0: ("", 10)}
 
 
+def test_a_recorded_store_of_the_present_form_is_read(tmp_path):
+    """Whoever changes the tables adds a form, and leaves this file as it is."""
+    path = shutil.copy(ROOT / "tests/data/stores/form-3.sqlite", tmp_path)
+    recorded = contents(path)
+    assert [lengths for _, _, lengths, _ in recorded] == [[9, 174, 11, 300], [9, 9, 10, 9, 9, 300]]
+    with Store(path) as store:
+        assert store.environments() == {1: (store.find(*store.cases()[0][1:], 0).environment, 2)}
+        store.add(KEY, 1, result(0, 1))
+        assert [r.lengths.tolist() for r in store.results(*store.cases()[0][1:])] == [
+            lengths for _, _, lengths, _ in recorded
+        ]
+    assert form(path) == NEWEST
+
+
 WRITES_AND_DIES = """
 import os, signal
 from upright.studies.store import Store
