@@ -37,7 +37,8 @@ class Database:
 
     def __init__(self, path: Path | None, mode: str = WRITING) -> None:
         self.path = path
-        self._left = 0
+        self._names = [os.fspath(each) for each in (path, log_of(path))] if path else []
+        self._left = self._allowed = 0
         self._files: list[Any] | None = None
         """Which file is written, and which is its log."""
         place = ":memory:" if path is None else f"{path.absolute().as_uri()}?{mode}"
@@ -69,11 +70,15 @@ class Database:
         try:
             yield
         except sqlite3.Error as error:
-            if getattr(error, "sqlite_errorcode", None) != sqlite3.SQLITE_INTERRUPT:
-                raise self.fault(f"it cannot be used: {error}") from None
-            if self._left >= 0:  # Ctrl-C, whose exception SQLite took from `_goes_on_too_long`
-                raise KeyboardInterrupt from None
-            raise self.fault("it is damaged: reading it does not end") from None
+            raise self._explained(error) from None
+
+    def _explained(self, error: sqlite3.Error) -> BaseException:
+        """Return what is to be raised for an error of the database."""
+        if getattr(error, "sqlite_errorcode", None) != sqlite3.SQLITE_INTERRUPT:
+            return self.fault(f"it cannot be used: {error}")
+        if self._left >= 0:  # Ctrl-C, whose exception SQLite took from `_goes_on_too_long`
+            return KeyboardInterrupt()
+        return self.fault("it is damaged: reading it does not end")
 
     def _goes_on_too_long(self) -> bool:
         """Count the steps of a query; return whether to end it.
@@ -81,17 +86,27 @@ class Database:
         Where Python is called, it also receives an interrupt.
         """
         self._left -= STEPS_AT_ONCE
+        if self._left < 0:  # unless the file has grown
+            allowed, self._allowed = self._allowed, self._steps_allowed()
+            self._left += self._allowed - allowed
         return self._left < 0
+
+    def _steps_allowed(self) -> int:
+        """Return how many steps a query may take, by the size of the file and its log."""
+        sizes = [file[2] for file in map(_state, self._names) if file]
+        return FREE_STEPS + STEPS_A_BYTE * sum(sizes) if sizes else 2**62
 
     def each(self, query: str, values: Sequence[object] = ()) -> Iterator[Any]:
         """Yield the rows of a query as they are read."""
-        self._left = FREE_STEPS + STEPS_A_BYTE * self._size()
-        with self._explaining():
+        self._left = self._allowed
+        try:
             # `yield from` would close the cursor of a reader that ends early, which SQLite refuses
             # if the database was closed first.
             for row in self._connection.execute(query, values):  # noqa: UP028
                 yield row
-        if self._unchanged and self._unchanged != _state(self.path):
+        except sqlite3.Error as error:
+            raise self._explained(error) from None
+        if self._unchanged and self._unchanged != _state(self._names[0]):
             raise self.fault("it changed while it was read; read it again")
 
     def rows(self, query: str, values: Sequence[object] = ()) -> list[Any]:
@@ -101,12 +116,6 @@ class Database:
     def run(self, statement: str, values: Sequence[object] = ()) -> None:
         """Execute a statement."""
         self.rows(statement, values)
-
-    def _size(self) -> int:
-        """Return the size of the file and its log [bytes]; without end for one in memory."""
-        if self.path is None:
-            return 2**62
-        return sum(state[2] for path in (self.path, log_of(self.path)) if (state := _state(path)))
 
     def define(self, name: str, function: Any) -> None:
         """Let queries call a function of one value."""
@@ -151,8 +160,7 @@ class Database:
 
     def _present_files(self) -> list[Any]:
         """Return which files have the names of the file and its log now."""
-        paths = [self.path, log_of(self.path)] if self.path else []
-        return [(state := _state(path)) and state[:2] for path in paths]
+        return [(state := _state(path)) and state[:2] for path in self._names]
 
     def close(self) -> None:
         """Close the file."""
@@ -207,10 +215,10 @@ def _has_log(path: Path) -> bool:
         return file.read(20)[18:] == b"\2\2"
 
 
-def _state(path: Path | None) -> tuple[int, int, int, int] | None:
+def _state(path: Path | str) -> tuple[int, int, int, int] | None:
     """Return device, inode, size [bytes] and time of the last change [ns]; None without a file."""
     try:
-        found = os.stat(path or "")
+        found = os.stat(path)
     except OSError:
         return None
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

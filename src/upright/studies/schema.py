@@ -4,6 +4,7 @@ A file is a store only if it holds the tables of a form, word for word, and noth
 else could be in a database, such as a view, is never executed.
 """
 
+import reprlib
 import sqlite3
 from collections.abc import Iterable
 from functools import cache
@@ -162,7 +163,8 @@ def _take_over(database: Database, form: Form) -> None:
     for case, *values, lengths in database.each(query):
         row = StoredRun._make(values)
         if not row.is_sound(keys.get(case, -1)):
-            raise database.fault(f"it is damaged in run {row.run!r} of seed {row.seed!r}")
+            run, seed = map(reprlib.repr, (row.run, row.seed))
+            raise database.fault(f"it is damaged in run {run} of seed {seed}, and is left as it is")
         _insert(database, case, row._replace(checksum=row.checksum_under(keys[case])), lengths)
     for table in ("runs", "cases"):
         database.run(f"DROP TABLE old_{table}")

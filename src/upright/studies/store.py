@@ -2,6 +2,7 @@
 
 import json
 import os
+import reprlib
 import stat
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -270,11 +271,12 @@ class Store:
                 previous = place
                 yield case, row, lengths
             else:
-                damage = f"run {row.run!r} of seed {row.seed!r} of case {case!r}"
-                (on_damage or self._refuse)(damage)
+                run, seed, number = map(reprlib.repr, (row.run, row.seed, case))
+                (on_damage or self._refuse)(f"run {run} of seed {seed} of case {number}")
 
     def _refuse(self, damage: str) -> None:
-        raise self.fault(f"it is damaged in {damage}; upright verify lists all that is damaged")
+        advice = "upright verify lists all that is damaged, and upright merge saves the rest"
+        raise self.fault(f"it is damaged in {damage}; {advice}")
 
     def fault(self, text: str) -> UprightError:
         """Return the error which says this of the file."""
