@@ -235,10 +235,11 @@ class Store:
         self, key: str, seed: int, runs: int | None, *, with_lengths: bool = True
     ) -> Iterator[tuple[int, StoredRun, bytes]]:
         """Yield the finished runs of a case in order, or the first `runs` of them."""
-        last = 2**63 - 1 if runs is None else runs - 1
+        where, values = "WHERE case_id = ? AND seed = ?", [seed]
+        if runs is not None:
+            where, values = f"{where} AND run < ?", [seed, runs]
         for (case,) in self._rows("SELECT id FROM cases WHERE key = ?", (key,)):
-            where = "WHERE case_id = ? AND seed = ? AND run <= ?"
-            yield from self._checked({case: key}, where, (case, seed, last), with_lengths)
+            yield from self._checked({case: key}, where, (case, *values), with_lengths)
 
     def _checked(
         self,
@@ -399,12 +400,11 @@ class Store:
         """Return the stored cases: each as a dictionary, its key, and a seed."""
         keys = self._keys()
         rows = self._rows("SELECT DISTINCT case_id, seed FROM {runs} ORDER BY case_id, seed")
-        query = (
-            "SELECT EXISTS (SELECT 1 FROM {runs} JOIN cases ON id = case_id WHERE key = ? AND "
-            "seed = ?)"
-        )
-        for case, seed in rows:  # by an index, which may be damaged where the table is not
-            if case not in keys or self._rows(query, (keys[case], seed)) != [(1,)]:
+        for case, seed in rows:  # looked up as `results` does: an index may be damaged by itself
+            first = (
+                self._of_case(keys[case], seed, None, with_lengths=False) if case in keys else ()
+            )
+            if not any(True for _ in first):
                 raise self.fault("it is damaged: the runs of a case are not found")
         return [(self._values(keys[case]), keys[case], seed) for case, seed in rows]
 
