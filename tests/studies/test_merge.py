@@ -66,6 +66,20 @@ def test_a_run_that_differs_is_reported_with_both_environments(two, tmp_path, ca
     assert contents(output)[KEYS[0], 1, 4] == contents(two[0])[KEYS[0], 1, 4]
 
 
+def test_what_a_terminal_would_obey_is_shown_as_its_code(tmp_path, capsys):
+    paths = [
+        fill(
+            tmp_path / f"{lengths}.sqlite", [4], '{"host": "\\u001b[2J"}', lengths=np.array(lengths)
+        )
+        for lengths in ([1, 2], [1, 3])
+    ]
+    assert run(["merge", *map(str, paths), "--output", str(tmp_path / "all.sqlite")]) == 1
+    assert run(["show", str(paths[0]), "--each", "environment"]) == 0
+    told = capsys.readouterr().out
+    assert told.count(r"\x1b[2J") == 5
+    assert "\x1b" not in told
+
+
 def test_environments_are_carried_over(two, tmp_path):
     other = fill(tmp_path / "c.sqlite", [20], '{"host": "node-17"}')
     merge([*two, other], tmp_path / "all.sqlite")

@@ -61,8 +61,7 @@ class Database:
 
     def fault(self, text: str) -> UprightError:
         """Return the error which says this of the file."""
-        text = "".join(each if each.isprintable() else "?" for each in text)
-        return UprightError(f"store is {str(self.path)!r}; {text}")
+        return UprightError(f"store is {str(self.path)!r}; {plain(text)}")
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
@@ -202,6 +201,11 @@ def open_to_read(path: Path) -> Database:
         why = "a process that wrote it was killed, which is mended only where it can be written"
         raise UprightError(f"{fault}; {why}")
     raise fault
+
+
+def plain(text: str) -> str:
+    """Return a text from a file on a line, without what a terminal would obey."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 def log_of(path: Path) -> Path:

@@ -7,11 +7,14 @@ import numpy as np
 
 from upright.core.trials import Result
 from upright.errors import UprightError
+from upright.studies.database import plain
 from upright.studies.recorded_environment import in_words
 from upright.studies.store import Store, Version
 from upright.support.words import count
 
 T = TypeVar("T")
+Progress = Callable[[], object]
+"""Called after each run that was read."""
 MOST = 100
 """How many findings are kept; the others are only counted, as a whole store may be wrong."""
 
@@ -35,7 +38,7 @@ class Findings(Generic[T]):
         """Return lines with a title and the first findings; none if there are none."""
         if not self.total:
             return []
-        lines = [f"  {line}" for finding in self.first for line in str(finding).splitlines()]
+        lines = [f"  {plain(line)}" for each in self.first for line in str(each).split("\n")]
         more = [f"  and {self.total - MOST:,} more"] if self.total > MOST else []
         return [f"{title}:", *lines, *more]
 
@@ -83,7 +86,3 @@ def case_in_words(store: Store, key: str) -> str:
         return repr(store.case(key))
     except UprightError:
         return key if len(key) < MOST else f"{key[:MOST]}…"
-
-
-Progress = Callable[[], object]
-"""Called after each run that was read."""
