@@ -159,9 +159,17 @@ def mutate_bytes(path, draw):
     path.write_bytes(data)
 
 
+def connected(path):
+    """Connect to a mutant; a query that would not end is an error."""
+    database = sqlite3.connect(path, isolation_level=None)
+    left = iter(range(2000))
+    database.set_progress_handler(lambda: next(left, None) is None, 10**4)
+    return database
+
+
 def mutate_value(path, draw):
     """Put an odd value into a column of some rows; often, with checksums that are right again."""
-    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+    with closing(connected(path)) as database:
         database.create_function("old", 1, lambda _: draw.choice(ODD))
         tables = [
             name
@@ -215,7 +223,7 @@ def correct_checksums(database):
 
 def mutate_key(path, draw):
     """Change, add or remove something in the JSON of a case."""
-    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+    with closing(connected(path)) as database:
         number, key = draw.choice(database.execute("SELECT id, key FROM cases").fetchall())
         values = json.loads(key)
         inside = draw.choice(
@@ -233,7 +241,7 @@ def mutate_key(path, draw):
 
 def mutate_schema(path, draw):
     """Change the tables, or what stands in their place."""
-    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+    with closing(connected(path)) as database:
         database.executescript(draw.choice(SCHEMAS))
 
 
