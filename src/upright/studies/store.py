@@ -211,9 +211,20 @@ class Store:
         UprightError
             If the disk is full, the file cannot be written, or it was deleted or replaced.
         """
-        row, lengths = as_stored(seed, result, datetime.now(UTC).replace(tzinfo=None), __version__)
+        self.add_several([(key, result)], seed, environment)
+
+    def add_several(
+        self, runs: Iterable[tuple[str, Result]], seed: int, environment: str | None = None
+    ) -> None:
+        """Store finished runs, each with the key of its case, as `add` does: all or none of them.
+
+        That is several times as fast as to store them one by one.
+        """
+        ended = datetime.now(UTC).replace(tzinfo=None)
         with self.writing() as database:
-            put(database, key, row, lengths, environment or present_environment())
+            for key, result in runs:
+                row, lengths = as_stored(seed, result, ended, __version__)
+                put(database, key, row, lengths, environment or present_environment())
 
     def recover(self) -> None:
         """Take into the file what a killed process left beside it, which reading alone does not."""

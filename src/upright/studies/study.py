@@ -134,9 +134,10 @@ def make_missing_runs(
         raise UprightError("language is 'MATLAB'; a cluster has only runs of Python")
     twins = {case.twin_job(seed, missing(case)): case for case in theirs}
 
-    def keep(case: Case, result: Result, environment: str | None = None) -> None:
-        store.add(case.key, seed, result, environment)
-        on_result(case, result)
+    def keep(found: Sequence[tuple[Case, Result]], environment: str | None = None) -> None:
+        store.add_several(((case.key, result) for case, result in found), seed, environment)
+        for case, result in found:
+            on_result(case, result)
 
     with hold_interrupts():
         if ours:
@@ -145,7 +146,7 @@ def make_missing_runs(
                 _study_here([*ours], jobs, sum(ours.values()), seed, keep, workers)
         with closing(matlab_twin.make_runs(twins)) as ended:
             for job, result in ended:
-                keep(twins[job], result)
+                keep([(twins[job], result)])
 
 
 def count_finished(case: Case, numbers: range, seed: int, store: Store) -> int:
@@ -180,7 +181,7 @@ def _study_here(
     jobs: Iterator[Job],
     remaining: int,
     seed: int,
-    keep: Callable[[Case, Result, str], None],
+    keep: Callable[[Sequence[tuple[Case, Result]], str], None],
     workers: Workers,
 ) -> None:
     """Make runs of this package's agents.
@@ -194,7 +195,7 @@ def _study_here(
     seed
         Seed of the study.
     keep
-        Called with each case, result, and environment that the run was made in.
+        Called with the cases and results of a piece of work, and the environment of these runs.
     workers
         What makes the runs.
     """
@@ -225,8 +226,7 @@ def _study_here(
                 warn_if_doubtful(found)
                 continue
             results, environment = found
-            for (case, _), result in zip(asked, results, strict=False):
-                keep(case, result, environment)
+            keep([*zip((case for case, _ in asked), results, strict=False)], environment)
             rest = asked[len(results) :]
             back.extend(rest)
             remaining += len(rest)

@@ -2,7 +2,7 @@
 
 from array import array
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -203,8 +203,14 @@ class _Again(Store):
         """Return the numbers of the runs that are not to be made."""
         return set(range(self.most)) - self._missing[key, seed]
 
-    def add(self, key: str, seed: int, result: Result, environment: str | None = None) -> None:
-        """Compare a run with the stored one."""
+    def add_several(
+        self, runs: Iterable[tuple[str, Result]], seed: int, environment: str | None = None
+    ) -> None:
+        """Compare runs with the stored ones."""
+        for key, result in runs:
+            self._compare(key, seed, result, environment)
+
+    def _compare(self, key: str, seed: int, result: Result, environment: str | None) -> None:
         self._missing[key, seed].discard(result.run)
         self._found.compared += 1
         stored = self._original.find(key, seed, result.run)
