@@ -6,9 +6,12 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from types import SimpleNamespace
 
 import cloudpickle
 import pytest
@@ -251,7 +254,11 @@ def test_killed_workers_change_nothing_and_after_a_killed_scheduler_the_command_
 def scheduler():
     """The address of a scheduler in this process, which has no worker."""
     with distributed.LocalCluster(
-        n_workers=0, processes=False, host="127.0.0.1", protocol="tcp", dashboard_address=None
+        n_workers=0,
+        processes=False,
+        host="127.0.0.1",
+        protocol="tcp",
+        dashboard_address="127.0.0.1:0",  # None would be port 8787 of every address
     ) as made:
         yield made.scheduler_address
 
@@ -321,6 +328,70 @@ def test_what_one_machine_alone_has_is_refused(case, message, scheduler):
 def test_what_is_no_executor_is_refused(executor):
     with pytest.raises(UprightError, match=f"executor is {executor!r}; it must be threads, proc"):
         study([CASE], 1, executor=executor)
+
+
+# ------------------------------------------------------------------------------ custom code
+
+
+@pytest.fixture
+def worker(tmp_path, monkeypatch):
+    """Let this process do the work of a worker."""
+    here = SimpleNamespace(local_directory=tmp_path)
+    monkeypatch.setattr(distributed, "get_worker", lambda: here)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in ("_present", "_folders", "_owners", "_definitions"):
+        monkeypatch.setattr(cluster, name, type(getattr(cluster, name))())
+
+
+def sent(case, work, *arguments):
+    """Return what a worker is sent."""
+    sender = cluster.Cluster.__new__(cluster.Cluster)
+    sender._codes = {}
+    assert case.key  # as it is here
+    return sender._code_of([case]), pickle.dumps((work, [case], arguments))
+
+
+def test_studies_whose_modules_have_the_same_names_take_turns(worker, write):
+    helper = write("SCALE = 1.0")
+    name = write(AGENT.format(other=helper))
+    packed, expected = [], []
+    for scale in ("[1.0, 1.0, 10.0, 1.0]", "[1.0, 1.0, 30.0, 1.0]"):
+        write(f"SCALE = {scale}", helper)
+        for module in (helper, name):
+            sys.modules.pop(module, None)
+        case = make_case(f"{name}:Guess", steps=100)
+        packed.append(sent(case, make_run, case, 0, 0))
+        expected.append(make_run(case, 0, 0)[1].lengths.tolist())
+    assert expected[0] != expected[1]
+    Path(sys.modules[helper].__file__).unlink()
+    modules = []
+    for turn in range(4):
+        _, result, *_ = cluster.perform(cluster.environment(), *packed[turn % 2])
+        assert result.lengths.tolist() == expected[turn % 2]
+        modules.append(sys.modules[name])
+    assert modules[:2] == modules[2:]  # not compiled anew
+    assert modules[0] is not modules[1]
+
+
+@pytest.mark.parametrize(
+    ("second", "is_plain", "together"),
+    [(b"1", False, True), (b"2", False, False), (b"1", True, False)],
+    ids=["same code", "other code", "plain Python"],
+)
+def test_only_pieces_of_one_compiled_code_are_at_work_together(second, is_plain, together):
+    begun = threading.Event()
+
+    def begin():
+        with cluster._turn(cluster.Code(second, (), is_plain)):
+            begun.set()
+
+    with ThreadPoolExecutor(1) as pool:
+        with cluster._turn(cluster.Code(b"1", (), is_plain)):
+            waiting = pool.submit(begin)
+            wait_for(lambda: begun.is_set() or cluster._door.locked())
+            assert begun.wait(LIMIT if together else 0.05) == together
+        waiting.result(LIMIT)
+    assert begun.is_set()
 
 
 # ------------------------------------------------------------------------------ pieces of work

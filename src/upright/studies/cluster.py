@@ -14,11 +14,12 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Lock
+from threading import Condition, Lock
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from upright import __version__
 from upright.errors import UprightError, require_module
 from upright.studies.case import Case
 from upright.studies.custom import changeable, definitions_of, has_changed, is_plain_python
-from upright.studies.definitions import is_in_main, receive, unpack
+from upright.studies.definitions import Definitions, define, is_in_main, load
 from upright.studies.fingerprint import custom_files
 from upright.support.machine_code import sources_hash
 
@@ -43,12 +44,16 @@ ARRIVING = 600.0
 """How long to wait for a worker while there is none [s]."""
 
 
+Files = tuple[tuple[str, bytes], ...]
+"""Paths below a folder, and the contents of these files."""
+
+
 class Code(NamedTuple):
     """Custom code for other machines."""
 
     definitions: bytes
     """What a script or notebook defines, as `pack` returns it; empty if nothing."""
-    folders: tuple[tuple[tuple[str, bytes], ...], ...]
+    folders: tuple[Files, ...]
     """For each folder that modules are imported from: the path and the content of each file."""
     is_plain_python: bool
     """Whether any of it is not compiled."""
@@ -200,7 +205,7 @@ class Cluster:
             self._client.close(timeout=1)
 
 
-def _contents(root: Path, paths: Iterable[Path]) -> tuple[tuple[str, bytes], ...]:
+def _contents(root: Path, paths: Iterable[Path]) -> Files:
     """Return the path below a folder and the content of each file."""
     return tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in sorted(paths))
 
@@ -270,32 +275,76 @@ def perform(ours: dict[str, str], code: Code, packed: bytes) -> Any:
         if theirs.get(name) != version:
             raise Refused(f"it has {name} {theirs.get(name)}; it must be {version}, as here")
     work, cases, arguments = pickle.loads(packed)
-    # Plain Python uses one core anyway, and may count on a process of its own.
-    with _one_at_a_time if code.is_plain_python else nullcontext():
-        with _receiving:
-            _receive(code, [case for case in cases if changeable(case)])
+    if not (code.folders or code.definitions):
+        return work(*arguments)
+    with _turn(code):
+        _receive(code, [case for case in cases if changeable(case)])
         return work(*arguments)
 
 
-_one_at_a_time, _receiving = Lock(), Lock()
-_folders: dict[Any, tempfile.TemporaryDirectory[str]] = {}
+# ------------------------------------------------------------------------------ custom code there
+
+
+_door, _change = Lock(), Condition()
+_at_work: list[Code] = []
+
+
+@contextmanager
+def _turn(code: Code) -> Iterator[None]:
+    """Wait until no other code is at work: there is one module of a name in a process.
+
+    Plain Python waits for its own, too: it uses one core anyway, and may count on a process of its
+    own.
+    """
+    with _door, _change:  # whoever comes later waits behind
+        _change.wait_for(lambda: not _at_work or (code == _at_work[0] and not code.is_plain_python))
+        _at_work.append(code)
+    try:
+        yield
+    finally:
+        with _change:
+            _at_work.remove(code)
+            _change.notify_all()
+
+
+class Folder(NamedTuple):
+    """Where the files of custom code are on this worker."""
+
+    place: str
+    """Its path."""
+    modules: dict[str, ModuleType]
+    """Modules that were imported from it, as long as others of their names take their place."""
+
+
+_present: list[Code] = []
+"""The code whose modules are those that are imported; empty if none was received yet."""
+_folders: dict[Files, Folder] = {}
+_owners: dict[str, Folder] = {}
+"""The folder that modules of a name come from."""
+_definitions: dict[Code, Definitions] = {}
 
 
 def _receive(code: Code, cases: Sequence[Case]) -> None:
-    """Make the custom code of cases importable here, unless this worker has the same already."""
-    if all(map(_is_here, cases)):
+    """Make the custom code of cases importable here, unless this worker has the same already.
+
+    What was imported before is kept, so that studies which take turns do not compile anew.
+    """
+    if [code] == _present or (not _folders and all(map(_is_here, cases))):
         return
+    _present.clear()
     for files in code.folders:
         _import_from(files)
     try:
         if code.definitions:
-            receive(code.definitions)
-            unpack()
+            if code not in _definitions:
+                _definitions[code] = load(code.definitions)
+            define(_definitions[code])
         others = [changeable(case) for case in cases if has_changed(case)]
     except UprightError as error:
         raise Refused(str(error)) from None
     if others:
         raise Refused(f"{others[0]}, of which it has another version")
+    _present.append(code)
 
 
 def _is_here(case: Case) -> bool:
@@ -304,20 +353,30 @@ def _is_here(case: Case) -> bool:
     return False
 
 
-def _import_from(files: tuple[tuple[str, bytes], ...]) -> None:
-    """Import modules from these files from now on, and forget others of their names."""
-    from distributed import get_worker
-
+def _import_from(files: Files) -> None:
+    """Import modules from these files from now on, and put others of their names away."""
     if files not in _folders:
-        place = get_worker().local_directory  # which dask removes, however the worker ends
-        _folders[files] = tempfile.TemporaryDirectory(prefix="upright-", dir=place)
-        for name, content in files:
-            path = Path(_folders[files].name, name)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-    folder = _folders[files].name
-    sys.path[:] = [folder, *(path for path in sys.path if path != folder)]
+        _folders[files] = Folder(_written(files), {})
+    folder = _folders[files]
+    sys.path[:] = [folder.place, *(path for path in sys.path if path != folder.place)]
     importlib.invalidate_caches()
     tops = {name.partition("/")[0].removesuffix(".py") for name, _ in files}
     for name in [name for name in sys.modules if name.partition(".")[0] in tops]:
-        del sys.modules[name]
+        module = sys.modules.pop(name)
+        if owner := _owners.get(name.partition(".")[0]):
+            owner.modules[name] = module
+    sys.modules.update(folder.modules)
+    _owners.update(dict.fromkeys(tops, folder))
+
+
+def _written(files: Files) -> str:
+    """Return the path of a new folder with these files."""
+    from distributed import get_worker
+
+    place = get_worker().local_directory  # which dask removes, however the worker ends
+    folder = tempfile.mkdtemp(prefix="upright-", dir=place)
+    for name, content in files:
+        path = Path(folder, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return folder

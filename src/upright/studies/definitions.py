@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -210,11 +210,35 @@ def unpack() -> None:
         If that needs something that this process does not find.
     """
     while _received:
-        try:
-            definitions, cells = pickle.loads(_received.pop())
-        except Exception as error:
-            raise UprightError(
-                f"what the script or notebook defines cannot be copied to another process: {error}"
-            ) from error
-        vars(sys.modules[MAIN]).update(definitions)
-        linecache.cache.update(cells)  # the texts of cells, for tracebacks
+        define(load(_received.pop()))
+
+
+class Definitions(NamedTuple):
+    """What `pack` packed."""
+
+    things: dict[str, Any]
+    """Classes and functions by name."""
+    cells: dict[str, Any]
+    """The texts of cells of a notebook, for tracebacks."""
+
+
+def load(packed: bytes) -> Definitions:
+    """Return what `pack` packed, as new classes and functions.
+
+    Raises
+    ------
+    UprightError
+        If that needs something that this process does not find.
+    """
+    try:
+        return Definitions(*pickle.loads(packed))
+    except Exception as error:
+        raise UprightError(
+            f"what the script or notebook defines cannot be copied to another process: {error}"
+        ) from error
+
+
+def define(definitions: Definitions) -> None:
+    """Define what `load` returned, as if this process's own script had."""
+    vars(sys.modules[MAIN]).update(definitions.things)
+    linecache.cache.update(definitions.cells)
