@@ -4,7 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from helpers import COMMAND, ROOT
+from helpers import COMMAND, ROOT, python
 
 from upright.commands import run
 from upright.core.trials import Result
@@ -50,6 +50,30 @@ def test_runs_of_several_stores_are_in_one_afterwards(two, tmp_path):
     assert [path.read_bytes() for path in two] == before
     again = merge([tmp_path / "all.sqlite", *two], tmp_path / "all.sqlite")
     assert (again.added, again.equal) == (0, 28 + 22)
+    assert sorted(os.listdir(tmp_path)) == ["a.sqlite", "all.sqlite", "b.sqlite"]
+
+
+def test_what_a_deleted_store_left_behind_is_not_applied_to_the_output(two, tmp_path):
+    output = tmp_path / "all.sqlite"
+    kill = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    python(
+        "from upright.studies.store import Store; import numpy as np\n"
+        "from upright.core.trials import Result\n"
+        f"store = Store({str(output)!r})\n"
+        "store.add('other', 1, Result(0, True, np.array([1]), 0.5)); " + kill
+    )
+    output.unlink()
+    assert (tmp_path / "all.sqlite-wal").stat().st_size
+    assert merge(two, output).added == 18
+    assert len(contents(output)) == 18
+
+
+def test_an_output_that_another_process_made_at_the_same_time_is_left_alone(two, tmp_path):
+    output = tmp_path / "all.sqlite"
+    other = iter([lambda: merge(two[1:], output)])
+    with pytest.raises(UprightError, match=r"all\.sqlite'; another process made it at the same"):
+        merge(two[:1], output, on_read=lambda: next(other, lambda: None)())
+    assert contents(output) == contents(two[1])
     assert sorted(os.listdir(tmp_path)) == ["a.sqlite", "all.sqlite", "b.sqlite"]
 
 

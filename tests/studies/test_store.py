@@ -457,9 +457,16 @@ def test_a_store_that_is_lost_as_it_is_written_is_kept_elsewhere(
         store.close() if at_the_end else store.add(KEY, 1, result(1, 1))
     (kept,) = (refuge if lost == "folder" else folder).glob("*rescued*")
     assert str(kept) in str(caught.value)
+    expected = {0} if at_the_end else {0, 1}
     with Store(kept) as saved:
-        assert saved.finished(KEY, 1) == ({0} if at_the_end else {0, 1})
+        assert saved.finished(KEY, 1) == expected
+        saved.add('{"agent": "other"}', 1, result(0, *range(3000)))
     store.close()
+    folder.mkdir(exist_ok=True)
+    kept.replace(path)
+    with Store(path) as saved:  # no log of the lost file is applied to it
+        assert saved.finished(KEY, 1) == expected
+        assert saved.count() == len(expected) + 1
 
 
 # ------------------------------------------------------------------------------ disks

@@ -18,6 +18,8 @@ STEPS_A_BYTE, FREE_STEPS, STEPS_AT_ONCE = 20, 10**7, 10**4
 """Steps of SQLite's machine: what a query may take for each byte of its file, and besides; and how
 many there are between two looks. A sound file needs fewer; one whose pages lead back to each other
 would be read for ever."""
+LOGS = ("-wal", "-shm", "-journal")
+"""Endings of the names of what SQLite writes beside a file."""
 SHARING, READING, WRITING = "mode=rw", "mode=ro", "mode=rwc"
 """How to open a file: to read it, as one of those who may write; to read it; to write it."""
 ALONE = "immutable=1"
@@ -161,6 +163,14 @@ class Database:
         """Return which files have the names of the file and its log now."""
         return [(state := _state(path)) and state[:2] for path in self._names]
 
+    def remove_log(self) -> None:
+        """Remove the log of a file that has lost its name, as far as it still has its own.
+
+        SQLite would apply it to whatever gets the name next.
+        """
+        if self.path and self._files and self._files[1] == self._present_files()[1]:
+            remove_logs(self.path)
+
     def close(self) -> None:
         """Close the file."""
         self._connection.close()
@@ -211,6 +221,12 @@ def plain(text: str) -> str:
 def log_of(path: Path) -> Path:
     """Return the path of a file's write-ahead log."""
     return Path(f"{path}-wal")
+
+
+def remove_logs(path: Path) -> None:
+    """Remove what SQLite writes beside a file, where the file itself is gone."""
+    for ending in LOGS:
+        Path(f"{path}{ending}").unlink(missing_ok=True)
 
 
 def _has_log(path: Path) -> bool:

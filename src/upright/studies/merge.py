@@ -1,11 +1,13 @@
 """Merge stores of several machines into one, and compare the runs that more than one has."""
 
+import os
 from collections.abc import Iterable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from upright.studies.database import Database
+from upright.errors import UprightError
+from upright.studies.database import Database, remove_logs
 from upright.studies.differences import Difference, Findings, Progress, case_in_words, is_equal
 from upright.studies.schema import put
 from upright.studies.store import Store, Version
@@ -69,7 +71,8 @@ def merge(
     Raises
     ------
     UprightError
-        If a store is missing, cannot be read or is not a store, or the output cannot be written.
+        If a store is missing, cannot be read or is not a store, or the output cannot be written, or
+        another process made it at the same time.
     KeyboardInterrupt
         If interrupted; the output is as it was.
 
@@ -90,11 +93,21 @@ def merge(
     merged = Merged()
     for path in stores:
         Store(path, must_exist=True).close()  # refused before anything is written
-    place = nullcontext(Path(output)) if Path(output).exists() else creating(output)
-    with place as file, Store(file) as target, target.writing() as database:
-        for path in stores:
-            with Store(path, must_exist=True) as source:
-                _add_runs(source, target, database, merged, str(output), on_read)
+    place: AbstractContextManager[Path] = nullcontext(Path(output))
+    if not Path(output).exists():
+        remove_logs(
+            Path(output)
+        )  # of a store that was deleted, which SQLite would apply to this one
+        place = creating(output)
+    with place as file, Store(file) as target:
+        with target.writing() as database:
+            for path in stores:
+                with Store(path, must_exist=True) as source:
+                    _add_runs(source, target, database, merged, str(output), on_read)
+        made = os.stat(file)
+    if not os.path.samestat(made, os.stat(output)):
+        why = "another process made it at the same time; the same command adds to it what it lacks"
+        raise UprightError(f"output is {str(output)!r}; {why}")
     return merged
 
 

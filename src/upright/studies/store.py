@@ -183,6 +183,7 @@ class Store:
                 except UprightError as error:
                     fault = error
                 else:
+                    database.remove_log()
                     raise database.fault(f"{why}; all its runs are in {str(place)!r}")
             raise database.fault(f"{why}, and its runs could not be kept elsewhere: {fault}")
         finally:
