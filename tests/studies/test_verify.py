@@ -123,6 +123,14 @@ def test_runs_of_other_code_are_counted_but_not_compared(made, tmp_path, capsys)
     assert "1 run not comparable: store is" in told
 
 
+def test_runs_beyond_those_of_any_study_are_counted_but_not_compared(made, path):
+    with Store(path) as store:
+        store.add(CASE.key, 0, made[0][0]._replace(run=10**15))
+    found = verify(path)
+    assert (found.runs, found.compared, found.is_sound) == (13, 12, True)
+    assert sum(found.not_comparable.values()) == 1
+
+
 def test_the_recorded_environment_is_shown_where_it_differs(path, capsys):
     assert run(["show", str(path), "--each", "environment", "--format", "json"]) == 0
     (shown,) = json.loads(capsys.readouterr().out)

@@ -30,6 +30,8 @@ from upright.support.interrupts import hold_interrupts, let_interrupts_through
 
 WHOLE = (1, 1)
 """The one part of a study that is not shared."""
+MOST_RUNS = 10**6
+"""The most runs of a case that a study can have."""
 Job = tuple[Case, int]
 """A run to be made: its case and its number."""
 
@@ -298,7 +300,7 @@ def _ended(cases: list[Case]) -> UprightError:
 
 def check_study(runs: int, seed: int) -> None:
     """Raise UprightError unless a study can have this many runs and this seed."""
-    require("runs", runs, 1, 10**6, whole=True)
+    require("runs", runs, 1, MOST_RUNS, whole=True)
     require("seed", seed, 0, 2**63 - 1, whole=True)
 
 

@@ -15,13 +15,15 @@ from upright.studies.case import Case
 from upright.studies.differences import Difference, Findings, Progress, case_in_words, is_equal
 from upright.studies.recorded_environment import differences, present_environment
 from upright.studies.store import Store, Version
-from upright.studies.study import study
+from upright.studies.study import MOST_RUNS, study
 from upright.support.words import count
 
 SAMPLE = 100
 """How many runs are made again unless another number is given."""
 OTHER_CODE = "other code made them than that of this version of Upright or of their agent"
 """Why runs of another key are not made again."""
+BEYOND = f"their numbers are beyond those of any study, of at most {MOST_RUNS:,} runs"
+"""Why runs of such numbers are not made again."""
 
 
 @dataclass
@@ -158,7 +160,10 @@ def _comparable(
         if why:
             found.not_comparable[why] += len(numbers)
         else:
-            comparable[case, seed] = np.array(numbers)
+            every = np.array(numbers)
+            comparable[case, seed] = every[every < MOST_RUNS]
+            if beyond := np.count_nonzero(every >= MOST_RUNS):
+                found.not_comparable[BEYOND] += int(beyond)
     return comparable
 
 
