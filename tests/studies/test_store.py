@@ -85,6 +85,15 @@ def test_the_first_result_of_a_run_stays(store):
     assert rows(store) == [(0, True, [1], 0.5)]
 
 
+def test_several_runs_are_stored_as_a_whole_or_not_at_all(store):
+    store.add_several([(KEY, result(0, 1)), ("{}", result(0, 2)), (KEY, result(0, 3))], 1)
+    assert rows(store) == [(0, True, [1], 0.5)]
+    assert rows(store, "{}") == [(0, True, [2], 0.5)]
+    with pytest.raises(AttributeError):
+        store.add_several([(KEY, result(1, 1)), (KEY, None)], 1)
+    assert store.finished(KEY, 1) == {0}
+
+
 def test_the_largest_seed_is_kept(store):
     store.add(KEY, 2**63 - 1, result(0, 1))
     assert store.finished(KEY, 2**63 - 1) == {0}
@@ -467,6 +476,18 @@ def test_a_store_that_is_lost_as_it_is_written_is_kept_elsewhere(
     with Store(path) as saved:  # no log of the lost file is applied to it
         assert saved.finished(KEY, 1) == expected
         assert saved.count() == len(expected) + 1
+
+
+def test_a_program_that_changes_its_folder_loses_no_store(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Store("runs.sqlite") as store:
+        store.add(KEY, 1, result(0, 1))
+        (tmp_path / "elsewhere").mkdir()
+        monkeypatch.chdir(tmp_path / "elsewhere")
+        store.add(KEY, 1, result(1, 1))
+    assert not [*tmp_path.glob("*rescued*")]
+    with Store(tmp_path / "runs.sqlite") as store:
+        assert store.finished(KEY, 1) == {0, 1}
 
 
 # ------------------------------------------------------------------------------ disks

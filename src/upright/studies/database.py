@@ -35,10 +35,12 @@ class Database:
         The file, or None for a database in memory.
     mode
         How to open it.
+    name
+        What errors call it, if that is not its path.
     """
 
-    def __init__(self, path: Path | None, mode: str = WRITING) -> None:
-        self.path = path
+    def __init__(self, path: Path | None, mode: str = WRITING, name: str = "") -> None:
+        self.path, self._name = path, name or str(path)
         self._names = [os.fspath(each) for each in (path, log_of(path))] if path else []
         self._left = self._allowed = 0
         self._files: list[Any] | None = None
@@ -63,7 +65,7 @@ class Database:
 
     def fault(self, text: str) -> UprightError:
         """Return the error which says this of the file."""
-        return UprightError(f"store is {str(self.path)!r}; {plain(text)}")
+        return UprightError(f"store is {self._name!r}; {plain(text)}")
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
@@ -176,8 +178,8 @@ class Database:
         self._connection.close()
 
 
-def open_to_read(path: Path) -> Database:
-    """Open a file that is only read, and does not change by that.
+def open_to_read(path: Path, name: str) -> Database:
+    """Open a file that is only read, and does not change by that; errors call it by this name.
 
     Raises
     ------
@@ -196,7 +198,7 @@ def open_to_read(path: Path) -> Database:
     else:
         modes = [ALONE if _has_log(path) else READING]
     for mode in modes:
-        database = Database(path, mode)
+        database = Database(path, mode, name)
         try:
             database.run("SELECT count(*) FROM sqlite_master")
         except UprightError as error:

@@ -76,14 +76,15 @@ class Store:
     def __init__(self, path: Path | str | None = None, *, must_exist: bool = False) -> None:
         require_kind("store", path, (str, Path, NoneType), "the path of a file")
         self.path = path
+        self._place = None if path is None else Path(path).absolute()  # an agent may go elsewhere
         self._database: Database | None = None
         self._form: Form | None = None
         """The form of the file; None while it holds nothing."""
         self._is_written = False
-        if path is None:
+        if path is None or self._place is None:
             self._open_to_write()
         elif _exists(path):
-            self._open_to_read(Path(path))
+            self._open_to_read(self._place)
         elif must_exist:
             raise UprightError(f"store is {str(path)!r}; there is no such file")
         elif not Path(path).parent.is_dir():
@@ -107,7 +108,7 @@ class Store:
         return f"Store({place}, {words.count(cases, 'case')}, {words.count(runs, 'run')})"
 
     def _open_to_read(self, path: Path) -> None:
-        database = open_to_read(path)
+        database = open_to_read(path, str(self.path))
         try:
             form = form_of(database)
         except BaseException:
@@ -119,14 +120,14 @@ class Store:
         """Return the database, which can be written to from now on."""
         if self._database and self._is_written:
             return self._database
-        path = None if self.path is None else Path(self.path)
+        path = self._place
         if path and not all(
             os.access(each, os.W_OK) for each in (path, path.parent) if each.exists()
         ):
-            raise UprightError(f"store is {str(path)!r}; it cannot be written to, only read")
+            raise UprightError(f"store is {str(self.path)!r}; it cannot be written to, only read")
         if self._database:
             self._database.close()
-        database = Database(path)
+        database = Database(path, name=str(self.path))
         try:
             prepare(database)
         except BaseException:
@@ -145,9 +146,9 @@ class Store:
 
     def _each_row(self, query: str, values: Iterable[object] = ()) -> Iterator[Any]:
         """Yield what `_rows` returns, row by row as it is read."""
-        if self._form is None and self.path is not None and _exists(self.path):
+        if self._form is None and self._place is not None and _exists(self._place):
             self.close()
-            self._open_to_read(Path(self.path))  # another process may have made it a store
+            self._open_to_read(self._place)  # another process may have made it a store
         if self._database and self._form:
             names = {"runs": self._form.runs, "environments": self._form.environments}
             yield from self._database.each(query.format(**names), tuple(values))
@@ -173,7 +174,7 @@ class Store:
         if database is None or not self._is_written or database.is_in_place():
             return
         self._database, self._form, self._is_written = None, None, False
-        path = Path(str(self.path))
+        path = Path(str(self._place))
         why = "it was deleted, moved or replaced by another program as runs were made"
         try:
             for folder in (path.parent, Path(tempfile.gettempdir())):
@@ -229,7 +230,7 @@ class Store:
 
     def recover(self) -> None:
         """Take into the file what a killed process left beside it, which reading alone does not."""
-        if self.path and not self._is_written and log_of(Path(self.path)).exists():
+        if self._place and not self._is_written and log_of(self._place).exists():
             self._open_to_write()
 
     def results(self, key: str, seed: int, runs: int | None = None) -> list[Result]:
