@@ -138,6 +138,16 @@ def _replace_by_link_to_itself(path):
     path.symlink_to(path)
 
 
+def _replace_by_fifo(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+def _replace_by_link_to_device(path):
+    path.unlink()
+    path.symlink_to("/dev/zero")
+
+
 DAMAGES = {
     "empty": lambda path: path.write_bytes(b""),
     "cut short": lambda path: path.write_bytes(path.read_bytes()[:-1]),
@@ -148,6 +158,8 @@ DAMAGES = {
     "other bytes": lambda path: path.write_bytes(os.urandom(1000)),
     "a folder": _replace_by_folder,
     "a link to itself": _replace_by_link_to_itself,
+    "a FIFO": _replace_by_fifo,
+    "a device without an end": _replace_by_link_to_device,
     "open to others": lambda path: path.chmod(0o666),
 }
 

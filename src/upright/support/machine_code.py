@@ -9,6 +9,7 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import sys
 import tempfile
 import time
@@ -136,8 +137,9 @@ def kept(name: str) -> bytes | None:
     if folder is None:
         return None
     try:
-        with (folder / name).open("rb") as file:
-            data = file.read() if is_ours(os.fstat(file.fileno())) else b""
+        with open(folder / name, "rb", opener=_opened) as file:
+            status = os.fstat(file.fileno())
+            data = file.read() if stat.S_ISREG(status.st_mode) and is_ours(status) else b""
     except FileNotFoundError:
         return None
     except OSError:  # a folder, or a file that may not be read
@@ -147,6 +149,11 @@ def kept(name: str) -> bytes | None:
         return code
     discard(name)
     return None
+
+
+def _opened(path: str, flags: int) -> int:
+    """Open a file, without waiting where it is a FIFO that nobody writes to."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def keep(name: str, code: bytes) -> None:
