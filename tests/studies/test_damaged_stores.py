@@ -354,3 +354,14 @@ def test_every_mutant_is_read_or_refused_in_one_line(bases, tmp_path):
     )
     assert wrong == []
     assert refused > MUTANTS
+
+
+def test_a_message_of_sqlite_that_is_not_utf_8_is_shown(tmp_path):
+    """SQLite quotes a damaged statement, and Python decodes its message."""
+    path = tmp_path / "damaged.sqlite"
+    with Store(path) as store:
+        store.add(KEY, 0, Result(0, True, np.ones(3, np.int32), 1.0))
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"CREATE TABLE cases", b"CREATE TAB\xcaE cases"))
+    with pytest.raises(UprightError, match=r'malformed .* near "TAB.E"'):
+        Store(path)

@@ -24,6 +24,8 @@ SHARING, READING, WRITING = "mode=rw", "mode=ro", "mode=rwc"
 """How to open a file: to read it, as one of those who may write; to read it; to write it."""
 ALONE = "immutable=1"
 """How to open a file that nobody can be writing: without locks, and without files beside it."""
+FAULTS = (sqlite3.Error, UnicodeDecodeError)
+"""What SQLite and Python's module for it raise for a damaged file."""
 
 
 class Database:
@@ -72,11 +74,13 @@ class Database:
         """Turn errors of the database into one-line errors that name the file."""
         try:
             yield
-        except sqlite3.Error as error:
+        except FAULTS as error:
             raise self._explained(error) from None
 
-    def _explained(self, error: sqlite3.Error) -> BaseException:
+    def _explained(self, error: Exception) -> BaseException:
         """Return what is to be raised for an error of the database."""
+        if isinstance(error, UnicodeDecodeError):  # SQLite quotes what is damaged
+            return self.fault(f"it cannot be used: {error.object.decode(errors='replace')}")
         if getattr(error, "sqlite_errorcode", None) != sqlite3.SQLITE_INTERRUPT:
             return self.fault(f"it cannot be used: {error}")
         if self._left >= 0:  # Ctrl-C, whose exception SQLite took from `_goes_on_too_long`
@@ -107,7 +111,7 @@ class Database:
             # if the database was closed first.
             for row in self._connection.execute(query, values):  # noqa: UP028
                 yield row
-        except sqlite3.Error as error:
+        except FAULTS as error:
             raise self._explained(error) from None
         if self._unchanged and self._unchanged != _state(self._names[0]):
             raise self.fault("it changed while it was read; read it again")
