@@ -33,8 +33,8 @@ def require_array(
     if (
         isinstance(value, np.ndarray)
         and (value.shape == shape or _fits(value.shape, shape))
-        and kind in (None, value.dtype)
-        and (value.flags.writeable or not written)
+        and (kind is None or value.dtype == kind)
+        and (not written or value.flags.writeable)
     ):
         return
     access = "a writable" if written else "an"

@@ -91,6 +91,6 @@ def step_many(
 def _check_arrays(
     _parameters: Parameters, states: np.ndarray, forces: np.ndarray, _integrator: int = EULER
 ) -> None:
-    count = np.size(forces)
+    count = getattr(forces, "size", None)  # np.size takes as long as the rest
     require_array("forces", forces, None, count, written=False)
     require_array("states", states, np.float64, 4, count)
