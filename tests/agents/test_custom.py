@@ -622,6 +622,7 @@ def test_a_signal_ends_a_study_of_plain_agents_and_its_processes(number, write, 
         else:
             assert process.returncode == INTERRUPTED
             assert "nothing was kept" in error
+            assert error.endswith("upright: stopped\n")  # and nobody complains of what is left
         assert "Traceback" not in error
         until = time.monotonic() + 60
         while time.monotonic() < until and is_alive(process.pid):

@@ -89,6 +89,9 @@ def main() -> NoReturn:
     """Run the command of this process and end with its status."""
     status = run(sys.argv[1:])
     if status == INTERRUPTED:
+        from upright.support.processes import release_semaphores
+
+        release_semaphores()
         os._exit(status)  # a thread may still be compiling, which nothing can interrupt
     sys.exit(status)
 

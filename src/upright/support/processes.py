@@ -1,6 +1,6 @@
 """Processes: a pool of workers, terminating programs, pinning lock-step partners to one core."""
 
-import multiprocessing
+import multiprocessing.util
 import os
 import signal
 import sys
@@ -69,6 +69,15 @@ def _end_with_parent() -> None:
     assert parent is not None
     parent.join()
     os._exit(1)
+
+
+def release_semaphores() -> None:
+    """Remove the semaphores of pools, which Python does at its end; call before `os._exit`.
+
+    Otherwise a process that outlives this one removes them, and complains on standard error.
+    """
+    util: Any = multiprocessing.util
+    util._run_finalizers(0)
 
 
 _LAUNCHER = """\
