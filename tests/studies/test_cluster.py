@@ -1,5 +1,6 @@
 """Studies on a real dask cluster: a scheduler and workers, processes of this machine."""
 
+import gc
 import json
 import os
 import pickle
@@ -292,12 +293,22 @@ def test_no_scheduler_is_there(monkeypatch, capsys):
     assert len(told.splitlines()) == 1
 
 
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1", "a://127.0.0.1:1", "tls://127.0.0.1:1"])
+def test_what_is_no_address_is_refused_at_once(address, capfd):
+    line = "table --agents random-search --noises none --runs 1 --executor dask --address"
+    assert run([*line.split(), address]) == BAD_USE
+    gc.collect()  # a client that failed complained when it was freed, after 20 s
+    told = capfd.readouterr().err
+    assert told.startswith(f"upright: error: address is '{address}'; no dask scheduler answers")
+    assert len(told.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--address", "tcp://a:1"], "address is 'tcp://a:1'; it needs --executor dask"),
         (["--executor", "dask"], "executor is 'dask'; it needs --address tcp://HOST:PORT"),
-        (["--executor", "dask", "--address", "a:1"], "executor is 'a:1'; it must be threads"),
+        (["--executor", "dask", "--address", "a:1"], "address is 'a:1'; it must be like tcp://"),
     ],
     ids=["no cluster", "no address", "no URL"],
 )

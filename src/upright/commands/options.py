@@ -474,7 +474,7 @@ def executor_of(options: argparse.Namespace) -> str | None:
     Raises
     ------
     UprightError
-        If an address is given without a cluster, or the reverse.
+        If an address is given without a cluster, or the reverse, or it is not an address.
     """
     if options.executor != "dask":
         if options.address:
@@ -483,6 +483,8 @@ def executor_of(options: argparse.Namespace) -> str | None:
     address = options.address or os.environ.get(ADDRESS)
     if not address:
         raise UprightError("executor is 'dask'; it needs --address tcp://HOST:PORT")
+    if "://" not in address:
+        raise UprightError(f"address is {address!r}; it must be like tcp://HOST:PORT")
     return str(address)
 
 

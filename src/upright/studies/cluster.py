@@ -80,9 +80,11 @@ class Cluster:
         distributed = require_module("distributed", "a cluster needs dask.distributed", "cluster")
         _silence()
         self.address = address
+        # One that does not come to be would wait in __del__ for a scheduler; others are closed here.
+        client = type("Client", (distributed.Client,), {"__del__": lambda _: None})
         try:
-            self._client = distributed.Client(address, timeout=ANSWERING, set_as_default=False)
-        except (OSError, ValueError, ImportError) as error:
+            self._client = client(address, timeout=ANSWERING, set_as_default=False)
+        except Exception as error:  # of many kinds: of names, networks, certificates
             why = " ".join(str(error).split()) or type(error).__name__
             raise UprightError(
                 f"address is {address!r}; no dask scheduler answers there: {why}"
