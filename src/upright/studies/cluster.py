@@ -80,7 +80,7 @@ class Cluster:
         distributed = require_module("distributed", "a cluster needs dask.distributed", "cluster")
         _silence()
         self.address = address
-        # One that does not come to be would wait in __del__ for a scheduler; others are closed here.
+        # A client that fails at once waits in __del__ for its scheduler; others are closed here.
         client = type("Client", (distributed.Client,), {"__del__": lambda _: None})
         try:
             self._client = client(address, timeout=ANSWERING, set_as_default=False)
