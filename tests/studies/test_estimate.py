@@ -159,4 +159,5 @@ def test_the_size_of_a_store_is_as_estimated(trials, tmp_path):
             store.add(CASE.key, 0, Result(run, True, rng.integers(1, 100, trials), 0.1))
         (found,) = standings([CASE], runs, 0, store)
     size = runs * found.bytes.mean
-    assert size == pytest.approx(path.stat().st_size, rel=0.35, abs=20_000)
+    tables = 7 * 4096  # those without runs, and the environment
+    assert size == pytest.approx(path.stat().st_size, rel=0.35, abs=tables)

@@ -44,7 +44,7 @@ from upright.agents.parts import policy_form
 from upright.agents.parts.history import BLOCK, set_newest, shift, unchanged
 from upright.agents.parts.least_squares import factorise, solve
 from upright.core.compiled import compiled, inlined
-from upright.core.parameters import LARGEST
+from upright.core.parameters import LARGEST, SMALLEST
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -338,7 +338,7 @@ class AdaptiveLQR:
         """Refuse impossible settings."""
         require("history", self.history, 1, 100, whole=True)
         for name in ("ridge", "push_ridge", "push_cost"):
-            require(name, getattr(self, name), 1 / LARGEST, LARGEST)
+            require(name, getattr(self, name), SMALLEST, LARGEST)
         require("ridge_growth", self.ridge_growth, 1, 1000)
         require("ridge_growth ** history", self.ridge_growth**self.history, 1, 1e100)
         for name in ("x_cost", "x_dot_cost", "theta_cost", "theta_dot_cost"):

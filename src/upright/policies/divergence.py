@@ -16,7 +16,7 @@ from upright.policies.policy import Policy
 
 def diverged_array(agent: str, memory: Any) -> str:
     """Return the name of an array that is not finite; an empty string if all of them are."""
-    if is_custom(agent):
+    if is_custom(agent) or not hasattr(memory, "_asdict"):
         return ""
     numbers = (pair for pair in arrays_of(memory) if pair[1].dtype.kind == "f")
     return next((name for name, array in numbers if not np.isfinite(array).all()), "")
