@@ -119,13 +119,15 @@ def size(results: list[Result]) -> float:
 
 
 def projection(run: float, piece: float, write: float, sent: float) -> Iterator[str]:
-    """Yield the rows of the table about large clusters."""
+    """Yield the rows of the table about large clusters, which the slowest part holds back."""
     for cores in CORES:
         budget = max(LEAST, cores / A_SECOND)
-        pieces, runs = cores / budget, cores / run
+        possible = cores / run  # if neither the scheduler nor the store had a limit
+        runs = min(possible, 1 / write, possible * budget / (cores * piece))
+        pieces = runs / possible * cores / budget
         yield (
             f"| {cores:,} | {budget:.0f} | {pieces:,.0f} | {pieces * piece:.0%} | {runs:,.0f} | "
-            f"{runs * write:.0%} | {runs * sent / 1e6:.1f} | {run * 1e6 / cores / 60:,.1f} |"
+            f"{runs * write:.0%} | {runs * sent / 1e6:.1f} | {1e6 / runs / 60:,.1f} |"
         )
 
 

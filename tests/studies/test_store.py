@@ -94,6 +94,23 @@ def test_several_runs_are_stored_as_a_whole_or_not_at_all(store):
     assert store.finished(KEY, 1) == {0}
 
 
+@pytest.mark.parametrize("read", ["cases", "each_run"])
+def test_a_case_that_is_written_while_the_store_is_read_is_no_damage(read, tmp_path, monkeypatch):
+    path, keys = tmp_path / "runs.sqlite", Store._keys
+
+    def keys_then_another(store):
+        found = keys(store)
+        with Store(path) as other:
+            other.add('{"agent": "new"}', 1, result(0, 1))
+        return found
+
+    with Store(path) as store:
+        store.add(KEY, 1, result(0, 1))
+    with Store(path) as store, monkeypatch.context() as patch:
+        patch.setattr(Store, "_keys", keys_then_another)
+        assert len(list(getattr(store, read)())) in (1, 2)
+
+
 def test_the_largest_seed_is_kept(store):
     store.add(KEY, 2**63 - 1, result(0, 1))
     assert store.finished(KEY, 2**63 - 1) == {0}

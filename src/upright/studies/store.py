@@ -5,7 +5,7 @@ import os
 import reprlib
 import stat
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import count as count_up
@@ -256,13 +256,15 @@ class Store:
 
     def _checked(
         self,
-        keys: Mapping[int, str],
+        keys: dict[int, str],
         where: str = "",
         values: Iterable[object] = (),
         with_lengths: bool = True,
         on_damage: Callable[[str], None] | None = None,
     ) -> Iterator[tuple[int, StoredRun, bytes]]:
         """Yield the runs of some cases, whose keys are given by number, as they are read.
+
+        Keys that were written since are added to those given.
 
         Raises
         ------
@@ -274,6 +276,9 @@ class Store:
         query = f"SELECT case_id, {columns} FROM {{runs}} {where} ORDER BY case_id, seed, run"
         previous: tuple[int, ...] = ()
         for case, *cells in self._each_row(query, values):
+            if case not in checksums:
+                keys.update(self._keys())
+                checksums = {case: -1} | {each: key_checksum(key) for each, key in keys.items()}
             lengths = cells.pop() if with_lengths else b""
             row = StoredRun._make(cells)
             place = case, row.seed, row.run
@@ -411,8 +416,8 @@ class Store:
 
     def cases(self) -> list[tuple[dict[str, Any], str, int]]:
         """Return the stored cases: each as a dictionary, its key, and a seed."""
-        keys = self._keys()
         rows = self._rows("SELECT DISTINCT case_id, seed FROM {runs} ORDER BY case_id, seed")
+        keys = self._keys()  # afterwards, as others may be writing
         for case, seed in rows:  # looked up as `results` does: an index may be damaged by itself
             first = (
                 self._of_case(keys[case], seed, None, with_lengths=False) if case in keys else ()
