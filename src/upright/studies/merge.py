@@ -124,10 +124,13 @@ def _add_runs(
     def leave_out(damage: str) -> None:
         merged.damaged.add(f"{damage} of {str(source.path)!r}")
 
-    made_with = {number: text for number, (text, _) in source.environments().items()}
+    made_with: dict[int, tuple[str, int]] = {}
     for key, row, lengths in source.each_run(leave_out):
         on_read()
-        theirs = Version(str(source.path), as_result(row, lengths), made_with[row.environment or 0])
+        number = row.environment or 0
+        if number not in made_with:  # or written since they were read
+            made_with = source.environments()
+        theirs = Version(str(source.path), as_result(row, lengths), made_with[number][0])
         ours = target.find(key, row.seed, row.run)
         if ours is None:
             put(database, key, row, lengths, theirs.environment)
