@@ -101,14 +101,15 @@ def a_piece(pieces: int) -> float:
     return took[-1]
 
 
-def a_write(results: list[Result], key: str) -> tuple[float, float]:
-    """Return what storing a run takes: time [s] and space [bytes]."""
+def a_write(results: list[Result], key: str, together: int) -> tuple[float, float]:
+    """Return what storing a run takes if several arrive together: time [s] and space [bytes]."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "runs.sqlite")
         with Store(path) as store:
             began = time.perf_counter()
-            for run, result in enumerate(results):
-                store.add(key, 0, result._replace(run=run))
+            numbered = [(key, result._replace(run=run)) for run, result in enumerate(results)]
+            for first in range(0, len(numbered), together):
+                store.add_several(numbered[first : first + together], 0)
             took = time.perf_counter() - began
         return took / len(results), path.stat().st_size / len(results)
 
@@ -143,7 +144,7 @@ def text(runs: int, rounds: int, pieces: int) -> str:
             run = here / (runs * len(cases))
     results = seconds(cases, runs, "threads")[1]
     piece, sent = a_piece(pieces), size(results)
-    write, kept = a_write(results, cases[0].key)
+    write, kept = a_write(results, cases[0].key, max(1, round(LEAST / run)))
     lines += [
         "",
         f"A run takes {run * 1e3:.0f} ms and is sent as {sent:,.0f} bytes. The store takes "
