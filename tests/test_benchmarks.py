@@ -81,5 +81,5 @@ def test_the_cost_of_every_kind_of_disturbance_is_measured():
 def test_the_cost_of_a_cluster_is_measured():
     """The script refuses to time two studies that do not give the same."""
     found = measured("scale.py", "--runs", "4", "--rounds", "1", "--pieces", "20")
-    for text in ("| 1 | ", "A piece of work costs ", "| 1,000 | 10 | 100 | "):
+    for text in ("| 1 | ", "A piece of work costs ", "| 1,000 | 10 | "):
         assert text in found

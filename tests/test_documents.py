@@ -130,7 +130,7 @@ def prepared(tmp_path_factory):
     cases = [upright.make_case("random-search", noise=n, steps=300) for n in ("none", "sensor-5")]
     with upright.Store(folder / "runs.sqlite") as store:
         upright.study(cases, runs=3, store=store)
-    for machine in ("laptop", "server"):
+    for machine in ("laptop", "server", "ndp.1-of-2", "ndp.2-of-2"):
         shutil.copy(folder / "runs.sqlite", folder / f"{machine}.sqlite")
     lengths = [{"half_length": length} for length in (0.5, 1.0)]
     swept = [upright.make_case("random-search", parameters=p, steps=300) for p in lengths]
