@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from upright.errors import UprightError
+from upright.support.terminal import visible
 
 PATIENCE = 60.0
 """How long to wait while another process is writing [s]."""
@@ -67,7 +68,7 @@ class Database:
 
     def fault(self, text: str) -> UprightError:
         """Return the error which says this of the file."""
-        return UprightError(f"store is {self._name!r}; {plain(text)}")
+        return UprightError(f"store is {self._name!r}; {visible(text)}")
 
     @contextmanager
     def _explaining(self) -> Iterator[None]:
@@ -217,11 +218,6 @@ def open_to_read(path: Path, name: str) -> Database:
         why = "a process that wrote it was killed, which is mended only where it can be written"
         raise UprightError(f"{fault}; {why}")
     raise fault
-
-
-def plain(text: str) -> str:
-    """Return a text from a file on a line, without what a terminal would obey."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 def log_of(path: Path) -> Path:

@@ -7,9 +7,9 @@ import numpy as np
 
 from upright.core.trials import Result
 from upright.errors import UprightError
-from upright.studies.database import plain
 from upright.studies.recorded_environment import in_words
 from upright.studies.store import Store, Version
+from upright.support.terminal import visible
 from upright.support.words import count
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class Findings(Generic[T]):
         """Return lines with a title and the first findings; none if there are none."""
         if not self.total:
             return []
-        lines = [f"  {plain(line)}" for each in self.first for line in str(each).split("\n")]
+        lines = [f"  {visible(line)}" for each in self.first for line in str(each).split("\n")]
         more = [f"  and {self.total - MOST:,} more"] if self.total > MOST else []
         return [f"{title}:", *lines, *more]
 

@@ -8,8 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from upright import __version__
-from upright.studies.database import plain
 from upright.support.machine_code import sources_hash
+from upright.support.terminal import visible
 
 PARTS = {
     "upright": "Version of Upright.",
@@ -51,7 +51,7 @@ def read_environment(description: str) -> dict[str, str]:
     except (ValueError, RecursionError):
         parts = {}
     known = parts if isinstance(parts, dict) else {}
-    return {name: plain(str(known.get(name, ""))) for name in PARTS}
+    return {name: visible(str(known.get(name, ""))) for name in PARTS}
 
 
 def in_words(description: str) -> str:
