@@ -14,11 +14,10 @@ from helpers import ROOT, python
 
 import upright.errors
 from upright import __version__
-from upright.agents import AGENTS
+from upright.agents import AGENTS, LABELS
 from upright.commands import COMMANDS, make_parser, run
 from upright.commands.completion import actions
 from upright.commands.options import (
-    LABELS,
     add_case_options,
     add_task_options,
     cases_of,

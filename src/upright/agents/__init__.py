@@ -57,6 +57,9 @@ True
 0.99
 """
 
+LABELS = ("default", "as-published")
+"""Names that an agent's settings may have; the first one's are tuned."""
+
 
 def is_custom(agent: str) -> bool:
     """Whether an agent's code is not of this package: `module:name`, or an installed package's."""

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from upright.agents import AGENTS
+from upright.agents import AGENTS, LABELS
 from upright.commands.parser import MODEL, READ, WRITTEN, Parser, as_whole
 from upright.commands.showing import tell_file
 from upright.core.conditions import (
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from upright.studies.case import Case
     from upright.studies.settings_file import SettingsFile
 
-LABELS = ("default", "as-published")
-"""Names that an agent's settings may have."""
 AS_TRAINED = "as the policy was trained"
 """The default of a task's options where a policy is played."""
 LIKELIER = "the more probable push (to the left where both are equally probable), without drawing"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from upright.agents import AGENTS, Settings, is_custom
+from upright.agents import AGENTS, LABELS, Settings, is_custom
 from upright.agents.custom import name_of
 from upright.core.conditions import NOISES, condition_of
 from upright.core.contracts import AnyAgent
@@ -257,7 +257,7 @@ def make_case(
     'default, learning_rate=0.3'
     """
     agent = name_of(agent)
-    require_one_of("settings", label, ("default", "as-published"))
+    require_one_of("settings", label, LABELS)
     body, spec = plant_settings(plant), TaskSpec.from_data(task)
     named = AGENTS.settings(agent)
     if is_custom(agent):

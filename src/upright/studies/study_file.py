@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, TypeVar
 
 from upright import __version__
-from upright.agents import AGENTS
+from upright.agents import AGENTS, LABELS
 from upright.core.conditions import PUBLISHED_NOISES, RUNS
 from upright.core.parameters import Parameters
 from upright.core.task import TaskSpec
@@ -86,8 +86,6 @@ KEYS = {
     "`plant`, or names of task files; what one leaves out is as it is above",
 }
 """What a file of a study may have, and what each means, with what it is if it is not there."""
-LABELS = ("default", "as-published")
-"""Named settings."""
 GRID = ("plant", "start", "condition", "steps", "trials", "parameters", "noise")
 """The parts of a task in the order of a table: the last one varies fastest."""
 

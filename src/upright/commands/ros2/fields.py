@@ -4,7 +4,8 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from upright.commands.options import LABELS, TASK, add
+from upright.agents import LABELS
+from upright.commands.options import TASK, add
 from upright.commands.parser import READ, WRITTEN, Parser, as_number, as_whole
 from upright.core.conditions import STARTS
 from upright.errors import UprightError
