@@ -156,3 +156,16 @@ def test_figures_are_recorded_beside_those_of_other_long_runs(tmp_path):
     records = json.loads(path.read_text())
     assert records["fuzz"] == 1
     assert records["crash"]["rows"][-1] == ["all", 5, 3, 3, 1]
+
+
+def test_a_long_run_may_be_recorded_in_parts(tmp_path):
+    path = tmp_path / "records.json"
+    scenarios = [each for each in crash.SCENARIOS if each.name in CHEAPEST]
+    for scenario, kills in zip(scenarios, (3, 4), strict=True):
+        part = crash.Tally(scenario, kills=kills, writing=1, completions=1)
+        reliability.put("crash", crash.figures([part], 0, reliability.rows("crash", path)), path)
+    assert [row[:2] for row in reliability.rows("crash", path)] == [
+        ["`new` (new)", 3],
+        ["`cite` (cite)", 4],
+    ]
+    assert json.loads(path.read_text())["crash"]["rows"][-1] == ["all", 7, 2, 2, 0]

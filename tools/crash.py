@@ -693,18 +693,37 @@ def crash(
 HEAD = ("command", "kills", "after its first write", "completions", "faults")
 
 
-def figures(tallies: Sequence[Tally], seed: int) -> dict[str, Any]:
-    """Return what was found in the form of a section of docs/results/reliability.json."""
+def figures(
+    tallies: Sequence[Tally], seed: int, before: Sequence[Sequence[Any]] = ()
+) -> dict[str, Any]:
+    """Return what was found in the form of a section of docs/results/reliability.json.
+
+    Parameters
+    ----------
+    tallies
+        What was found.
+    seed
+        Where the plan of every round follows from.
+    before
+        Rows found before: those of scenarios that are not among the tallies are kept.
+    """
     from upright import __version__
 
-    counts = [[t.kills, t.writing, t.completions, len(t.faults)] for t in tallies]
-    total = [sum(column) for column in zip(*counts, strict=True)] or [0] * (len(HEAD) - 1)
-    names = [f"`{t.scenario.command.split()[0]}` ({t.scenario.name})" for t in tallies]
+    rows: list[list[Any]] = [
+        [
+            f"`{t.scenario.command.split()[0]}` ({t.scenario.name})",
+            *(t.kills, t.writing, t.completions, len(t.faults)),
+        ]
+        for t in tallies
+    ]
+    names = {row[0] for row in rows}
+    rows = [*(list(row) for row in before if row[0] not in names), *rows]
+    total = [sum(row[column] for row in rows) for column in range(1, len(HEAD))]
     return {
         "command": f"python tools/crash.py --kills {total[0]} --seed {seed}",
         "version": __version__,
         "head": HEAD,
-        "rows": [[name, *row] for name, row in zip([*names, "all"], [*counts, total], strict=True)],
+        "rows": [*rows, ["all", *total]],
     }
 
 
@@ -736,7 +755,10 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--round", type=int, metavar="K", help="make only this round")
     parser.add_argument(
-        "--record", type=Path, metavar="FILE", help="write the figures into this file of records"
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="write the figures into this file of records; those of other scenarios stay",
     )
     return parser
 
@@ -770,8 +792,10 @@ def main() -> int:
         status = 130
     else:
         status = int(any(tally.faults for tally in tallies.values()))
-        if options.record:
-            reliability.put("crash", figures([*tallies.values()], options.seed), options.record)
+    if options.record:
+        before = reliability.rows("crash", options.record)
+        found = figures([*tallies.values()], options.seed, before)
+        reliability.put("crash", found, options.record)
     show([*tallies.values()], options.seed)
     if not any(tally.faults for tally in tallies.values()):
         shutil.rmtree(folder)

@@ -94,8 +94,10 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         from upright.support.files import user_cache
+        from upright.support.machine_code import cache_folder
 
         cache = user_cache()
+        cache_folder()  # made here, as no input may make a folder
         self._allowed = (str(folder), str(cache), os.devnull)
         self._watching = False
         self._seeds: dict[str, tuple[list[bytes], list[bytes]]] = {}

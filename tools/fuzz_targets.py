@@ -390,7 +390,7 @@ def _read_gazebo(path: Path) -> None:
         plugin.sendall(path.read_bytes())
         plugin.shutdown(socket.SHUT_WR)
         server = object.__new__(Server)
-        server._socket = ours
+        server._socket, server._window = ours, None
         with contextlib.suppress(ServerGoneError):
             state = server.ask(STEP, 1, State(1.0, 0.0, 0.0, 0.0))
             if not np.isfinite(state[0] + state[2]) and not has_fallen(Parameters(), state):

@@ -37,8 +37,19 @@ def filled(page: str, records: dict[str, Any]) -> str:
 
 def put(name: str, found: dict[str, Any], path: Path = RECORDS) -> None:
     """Write the figures of a long run into a file of records, in place of its previous ones."""
-    records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    records = _read(path)
     path.write_text(json.dumps(records | {name: found}, indent=1) + "\n", encoding="utf-8")
+
+
+def rows(name: str, path: Path = RECORDS) -> list[list[Any]]:
+    """Return the rows of a long run in a file of records, but for the last, of all together."""
+    record = _read(path).get(name)
+    return record["rows"][:-1] if record else []
+
+
+def _read(path: Path) -> dict[str, Any]:
+    records: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return records
 
 
 def main() -> None:

@@ -9,6 +9,9 @@ from typing import Any, ClassVar, TypeVar
 
 T = TypeVar("T")
 
+LONGEST_SAID = 100
+"""The most characters of a value in an error."""
+
 
 class UprightError(ValueError):
     """A request that cannot be met; its one-line message states why, and what is allowed.
@@ -112,13 +115,23 @@ def require(
     kind = "a whole number" if whole else "a number"
     lower = f"above {low:,}" if above else f"at least {low:,}"
     upper = f" and at most {high:,}" if math.isfinite(high) else ""
-    raise UprightError(f"{name} is {_said(value)}; it must be {kind}, {lower}{upper}")
+    raise UprightError(f"{name} is {said(value)}; it must be {kind}, {lower}{upper}")
 
 
-def _said(value: object) -> str:
-    """Return a value as an error names it, without its middle if it is long."""
+def said(value: object) -> str:
+    """Return a value as an error names it, without its middle if it is long.
+
+    Examples
+    --------
+    >>> said("half_length")
+    "'half_length'"
+    >>> len(said("1" * 5_000))
+    100
+    """
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = LONGEST_SAID
     try:
-        return reprlib.repr(value)
+        return short.repr(value)
     except ValueError:  # Python writes no larger ones
         return "a number of thousands of digits"
 
@@ -127,10 +140,10 @@ def require_one_of(name: str, value: str, allowed: Iterable[str]) -> None:
     """Raise UprightError unless `value` is one of the allowed names; suggest the closest."""
     allowed = list(allowed)
     if not allowed:
-        raise UprightError(f"{name} is {value!r}; there is none that could be named here")
+        raise UprightError(f"{name} is {said(value)}; there is none that could be named here")
     if value not in allowed:
         hint = did_you_mean(value, allowed)
-        raise UprightError(f"{name} is {value!r}; it must be one of {', '.join(allowed)}{hint}")
+        raise UprightError(f"{name} is {said(value)}; it must be one of {', '.join(allowed)}{hint}")
 
 
 def require_kind(name: str, value: object, kinds: type | tuple[type, ...], expected: str) -> None:
@@ -143,14 +156,14 @@ def require_kind(name: str, value: object, kinds: type | tuple[type, ...], expec
     upright.errors.UprightError: store is 3; it must be a path
     """
     if not isinstance(value, kinds):
-        raise UprightError(f"{name} is {reprlib.repr(value)}; it must be {expected}")
+        raise UprightError(f"{name} is {said(value)}; it must be {expected}")
 
 
 def require_all(name: str, values: Iterable[T], kind: type[T], expected: str) -> list[T]:
     """Return a list of the values, or raise UprightError unless all of them are of this class."""
     listed = list(values) if isinstance(values, Iterable) else None
     if listed is None or not all(isinstance(value, kind) for value in listed):
-        raise UprightError(f"{name} is {reprlib.repr(values)}; it must be {expected}")
+        raise UprightError(f"{name} is {said(values)}; it must be {expected}")
     return listed
 
 

@@ -464,3 +464,42 @@ def test_the_examples_in_docstrings_of_errors_are_true():
 def test_every_argument_of_every_command_is_walked():
     walked = list(actions(make_parser()))
     assert len(walked) > sum(len(parser._actions) for parser in ALL.values())
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "X",
+        "show X",
+        "study X.toml",
+        "table --agents X",
+        "table --agents X:Y",
+        "table --agents json:X",
+        "table --noises X",
+        "table --noises gaussian=X",
+        "table --condition each-run.X=1:2",
+        "table --start X",
+        "table --runs X",
+        "table --set X=1",
+        "table --set q-learning.discount=X",
+        "table --parameter X=1",
+        "table --parameter force=X",
+        "table --parameter force=X:1:2",
+        "table --plant X",
+        "table --plant-set integrator=X",
+        "table --store X",
+        "table --output X",
+        "tune q-learning --search X",
+        "tune q-learning --search discount=X",
+        "learn q-learning --video X.mp4",
+    ],
+)
+def test_a_long_value_is_named_without_its_middle(line, capsys):
+    try:
+        status = run(line.replace("X", "x" * 3000).split())
+    except SystemExit as ended:
+        status = ended.code
+    assert status == BAD_USE
+    error = capsys.readouterr().err
+    assert "xxx...xxx" in error
+    assert len(error) < 800

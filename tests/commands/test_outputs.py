@@ -156,6 +156,31 @@ def test_a_name_that_no_file_can_have_is_one_sentence(line, name, folder, capsys
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["a" * 248, "new/", "nowhere"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "table --agents random-search --noises none --store NAME",
+        "study study.toml --status --store NAME",
+        "leaderboard --agents random-search --store NAME",
+        "tune q-learning --store NAME",
+        "merge runs.sqlite --output NAME",
+    ],
+)
+def test_a_name_that_no_store_can_have_is_refused_before_the_work(
+    line, name, folder, capsys, monkeypatch
+):
+    if "tune" in line:
+        pytest.importorskip("optuna")
+    monkeypatch.setattr("upright.studies.run.make_run", None)
+    (folder / "nowhere").symlink_to(folder / "missing" / "runs.sqlite")
+    (folder / "study.toml").write_text('agents = ["random-search"]')
+    before = sorted(os.listdir())
+    assert run([name if word == "NAME" else word for word in line.split()]) == BAD_USE
+    assert capsys.readouterr().err.count("\n") == 1
+    assert sorted(os.listdir()) == before
+
+
 @pytest.mark.parametrize("name", ["a" * 256, "a\0b", "\ud800"])
 def test_such_a_name_is_refused_in_python(name, folder):
     policy = upright.load_policy("policy.npz")

@@ -118,6 +118,24 @@ def test_a_wrong_file_is_refused_before_anything_runs(options, capsys):
     assert files() == ["a.toml"]
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("store = 'nowhere/a.sqlite'", "line 5, store: store is 'nowhere/a.sqlite'; its folder"),
+        ("store = '.'", "line 5, store: store is '.'; it is a folder"),
+        ("", "store is 'a.sqlite'; it cannot be used: file is not a database"),
+    ],
+    ids=["no folder", "folder", "not named"],
+)
+@pytest.mark.parametrize("options", [["--dry-run"], ["--status"], []])
+def test_a_store_that_cannot_be_is_refused_with_its_line(line, said, options, capsys):
+    Path("a.toml").write_text(f"{TEXT}{line}\n")
+    Path("a.sqlite").write_text("nothing of ours" * 100)
+    assert run(["study", "a.toml", *options]) == BAD_USE
+    assert f"error: study file is 'a.toml'; {said}" in capsys.readouterr().err
+    assert run(["study", "a.toml", "--dry-run", "--store", "other.sqlite"]) == 0
+
+
 @pytest.mark.slow
 def test_the_example_runs(capsys):
     """With fewer and shorter runs."""

@@ -20,7 +20,9 @@ from upright.reports import plots
 from upright.reports.escaping import csv_cell, html_text, latex, markdown, markdown_code
 from upright.reports.leaderboards import ROBUST, board, board_text
 from upright.reports.notebook import html_table
+from upright.reports.standing import plan_text, status_text
 from upright.reports.tables import FORMATS, Table, render, to_markdown
+from upright.studies.estimate import Probe, Standing
 from upright.studies.progress import _terminal_bar
 from upright.support.terminal import visible
 
@@ -158,7 +160,26 @@ def test_html_shows_the_text():
     assert not controls(drawn)
 
 
-@pytest.mark.filterwarnings("ignore:Glyph")
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("draw", [plots.plot_trials, plots.plot_curves])
+@pytest.mark.parametrize(
+    ("label", "shown"),
+    [
+        ("\u4e2d \U0001f9ea", r"\u4e2d \U0001f9ea"),
+        ("x" * 5000, "xxx"),
+        ("some words " * 500, "words …"),
+    ],
+)
+def test_pictures_of_any_name_are_drawn_without_a_warning(draw, label, shown, tmp_path):
+    case = upright.make_case("random-search", steps=9, trials=3)
+    result = upright.Result(0, True, np.array([2, 9]), 0.1)
+    figure = draw([(replace(case, label=name), [result]) for name in (label, "usual")])
+    plots.save(figure, tmp_path / "picture.png")
+    texts = [part.get_text() for part in figure.findobj(Text)]
+    assert any(shown in text for text in texts)
+    assert max(text.count("\n") for text in texts) < 8
+
+
 def test_pictures_show_the_text_itself(tmp_path):
     case = upright.make_case("random-search", steps=9, trials=3)
     result = upright.Result(0, True, np.array([2, 9]), 0.1)
@@ -214,3 +235,35 @@ def test_boards_show_agents_as_text():
         assert not controls(board_text(columns))
         cells = MarkdownIt("commonmark").enable("table").parse(board(columns))
         assert "code_inline" in {part.type for cell in cells for part in cell.children or ()}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "new FOLDER/my_agent.py",
+        "study FOLDER/study.toml --dry-run",
+        "study FOLDER/study.toml --status",
+        "table --agents random-search --runs 1 --steps 9 --save-study FOLDER/new.toml",
+        "table --agents random-search --runs 1 --steps 9 --save-task FOLDER/new.toml",
+        "learn random-search --steps 9 --quiet --save FOLDER/policy.npz",
+        "leaderboard --agents random-search --runs 1 --steps 9 --output FOLDER/board.md",
+    ],
+)
+def test_names_of_files_are_obeyed_by_no_terminal(line, tmp_path, capsys):
+    folder = tmp_path / "\x1b]8;;x\x07\x9b2J\u202e\r"
+    folder.mkdir()
+    (folder / "study.toml").write_text('agents = ["random-search"]\nruns = 1\nsteps = 9\n')
+    run([word.replace("FOLDER", str(folder)) for word in line.split()])
+    shown = "".join(capsys.readouterr())
+    assert r"\x1b]8;;x\x07\x9b2J\u202e\r" in shown
+    assert not controls(shown)
+
+
+def test_the_standing_of_a_study_shows_names_as_text():
+    case = upright.make_case("random-search", steps=9, trials=3)
+    usual = Standing(case, range(1), 0, 0, 0, None, None, None)
+    several = [usual._replace(case=replace(case, label=text)) for text in NASTY]
+    store = "two\nlines\x1b[2J"
+    for text in (status_text(several, store), plan_text(Probe(several, {}, False), 1, store)):
+        assert not controls(text)
+        assert r"two\nlines\x1b[2J" in text

@@ -74,3 +74,8 @@ def test_the_status_of_one_case_names_its_agent():
     lines = status_text([DONE], "a.sqlite").splitlines()
     assert words(lines[0]) == "Agent Runs Success Mean trials Time left"
     assert lines[-1] == "4 of 4 runs are finished in a.sqlite; nothing is left to do."
+
+
+def test_the_status_of_one_run_is_in_the_singular():
+    text = status_text([standing(CASE, 1, 1, Measure(2.0, 1.0, 1))], "a.sqlite")
+    assert text.endswith("1 of 1 run is finished in a.sqlite; nothing is left to do.\n")

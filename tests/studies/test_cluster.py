@@ -4,6 +4,7 @@ import json
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -19,6 +20,7 @@ from helpers import COMMAND, python
 
 from upright.commands import run
 from upright.errors import UprightError
+from upright.plants.mujoco import Mujoco
 from upright.studies import cluster
 from upright.studies.case import make_case
 from upright.studies.executors import ADDRESS, Local
@@ -30,6 +32,7 @@ from upright.support.exit_status import BAD_USE, INTERRUPTED
 
 distributed = pytest.importorskip("distributed")
 
+MODEL = Path(__file__).parents[1] / "data" / "models" / "slider.urdf"
 LIMIT = 240
 """What is waited for must come within this time [s]."""
 CASE = make_case("random-search", steps=300)
@@ -176,7 +179,7 @@ class Broken(Guess):
 case = upright.make_case(Mine, steps=100)
 there, here = (upright.study([case], 4, executor=e) for e in ({machines.address!r}, "threads"))
 print([r.lengths.tolist() for r in there[case]] == [r.lengths.tolist() for r in here[case]])
-upright.study([upright.make_case(Broken, steps=100)], 2, executor={machines.address!r})
+upright.study([upright.make_case(Broken, steps=100)], 1, executor={machines.address!r})
 """
     (tmp_path / "script.py").write_text(script)
     done = subprocess.run(
@@ -292,6 +295,16 @@ def test_no_scheduler_is_there(monkeypatch, capsys):
     assert len(told.splitlines()) == 1
 
 
+def test_a_socket_that_says_nothing_is_no_scheduler(monkeypatch):
+    monkeypatch.setattr(cluster, "ANSWERING", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(
+            UprightError, match=r"no dask scheduler answers there: nothing was said for 0\.2 s"
+        ):
+            study([CASE], 1, executor=address)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1", "a://127.0.0.1:1", "tls://127.0.0.1:1"])
 def test_what_is_no_address_is_refused_in_one_line(address):
@@ -384,6 +397,37 @@ def test_studies_whose_modules_have_the_same_names_take_turns(worker, write):
         modules.append(sys.modules[name])
     assert modules[:2] == modules[2:]  # not compiled anew
     assert modules[0] is not modules[1]
+
+
+@pytest.mark.parametrize("change", ["missing", "other"])
+def test_a_worker_without_the_model_of_a_plant_is_refused(change, worker, tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "cart.urdf"
+    path.write_text(MODEL.read_text())
+    case = make_case("random-search", plant=Mujoco(model=str(path)), steps=100)
+    code, packed = sent(case, make_run, case, 0, 0)
+    if change == "missing":
+        path.unlink()
+        why = "model is '.*cart.urdf'; it cannot be read: No such file or directory"
+    else:
+        path.write_text(path.read_text().replace('mass value="0.2"', 'mass value="0.3"'))
+        why = "plant is 'mujoco', of which it has another version"
+    with pytest.raises(cluster.Refused, match=f"{why}; workers need the same file"):
+        cluster.perform(cluster.environment(), code, packed)
+
+
+def test_a_custom_agent_that_fails_on_a_worker_is_refused_in_one_line(worker, write, tmp_path):
+    (tmp_path / "data.txt").touch()
+    text = "open('data.txt').close()" + AGENT.format(other="math").replace("SCALE", "pi")
+    name = write(text.replace("\n    ", "\n"))
+    case = make_case(f"{name}:Guess", steps=100)
+    code, packed = sent(case, make_run, case, 0, 0)
+    sys.modules.pop(name)
+    Path(f"{name}.py").unlink()
+    (tmp_path / "data.txt").unlink()
+    with pytest.raises(cluster.Refused, match=r"FileNotFoundError: .* 'data\.txt'") as error:
+        cluster.perform(cluster.environment(), code, packed)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(

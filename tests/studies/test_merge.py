@@ -1,6 +1,7 @@
 import os
 import sqlite3
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -153,3 +154,28 @@ def test_what_is_not_possible_ends_with_status_2(two, tmp_path):
     assert done.returncode == 2
     assert done.stderr.startswith("upright: error: ")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("disk", ["full", "read-only"])
+def test_an_output_that_no_disk_takes_is_one_sentence_and_leaves_nothing(disk, two, tmp_path):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    options = ["size=64k"] if disk == "full" else ["ro"]
+    mount = ["mount", "-t", "tmpfs", "-o", *options, "tmpfs", str(folder)]
+    if sys.platform != "linux" or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("mounting is not allowed here")
+    try:
+        output = folder / "all.sqlite"
+        with pytest.raises(UprightError) as caught:
+            merge([fill(tmp_path / "c.sqlite", range(200)), *two], output)
+        assert str(output) in str(caught.value)
+        assert ".part" not in str(caught.value)
+        assert os.listdir(folder) == []
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_folder_where_the_log_is_to_be_is_refused(two, tmp_path):
+    (tmp_path / "all.sqlite-wal").mkdir()
+    with pytest.raises(UprightError, match=r"all\.sqlite-wal' is in its way"):
+        merge(two, tmp_path / "all.sqlite")

@@ -16,7 +16,7 @@ from upright import __version__
 from upright.core.trials import Result
 from upright.errors import UprightError
 from upright.studies.case import make_case
-from upright.studies.database import log_of
+from upright.studies.database import Database, log_of
 from upright.studies.schema import NEWEST
 from upright.studies.store import Store
 from upright.studies.study import study
@@ -493,6 +493,30 @@ def test_a_store_that_is_lost_as_it_is_written_is_kept_elsewhere(
     with Store(path) as saved:  # no log of the lost file is applied to it
         assert saved.finished(KEY, 1) == expected
         assert saved.count() == len(expected) + 1
+
+
+@pytest.mark.parametrize("others", ["deleted", "replaced", "kept"])
+def test_a_store_that_is_deleted_as_its_tables_are_made_is_kept_elsewhere(
+    others, tmp_path, monkeypatch
+):
+    path, commands = tmp_path / "runs.sqlite", []
+    run = Database.run
+
+    def deleting(database, statement, values=()):
+        run(database, statement, values)
+        commands.append(statement)
+        if statement == "COMMIT" and commands.count("COMMIT") == 1:
+            for each in tmp_path.glob("runs.sqlite*" if others == "deleted" else "runs.sqlite"):
+                each.unlink()
+            if others == "replaced":
+                path.write_text("something else")
+
+    monkeypatch.setattr(Database, "run", deleting)
+    with pytest.raises(UprightError, match=r"runs\.sqlite'; it was deleted"), Store(path) as store:
+        store.add(KEY, 1, result(0, 1))
+    (kept,) = tmp_path.glob("*rescued*.sqlite")
+    with Store(kept) as saved:
+        assert saved.finished(KEY, 1) == {0}
 
 
 def test_a_program_that_changes_its_folder_loses_no_store(tmp_path, monkeypatch):

@@ -211,11 +211,14 @@ def test_the_page_lists_every_key():
     [
         ("runs = 3", "it must have the key agents"),
         ("agents = []", "line 1, agents: agents is []; it must be a name, or a list of names"),
+        ("agents = ['ndp', 'ase-ace', 'ndp']", "line 1, agents: agents is ['ndp', 'ase-ace', 'ndp"),
         ("agents = ['q-lerning']", "line 1, agents: agent is 'q-lerning'"),
         ("agents = ['no_such:A']", "line 1, agents: agent is 'no_such:A'; there is no module"),
         ("runs = 0", "line 2, runs: runs is 0; it must be a whole number, at least 1"),
         ("seed = 'x'", "line 2, seed: seed is 'x'; it must be a whole number"),
         ("store = ''", "line 2, store: store is ''; it must be the path of a file"),
+        ("store = 'a.toml'", "line 2, store: store is 'a.toml'; it is the same file as study file"),
+        (f"store = '{'x' * 999}'", f"line 2, store: store is '{'x' * 47}...{'x' * 48}'; it cannot"),
         ("stores = 'x'", "line 2, stores: key is 'stores'; it must be one of agents, runs"),
         ("noise = 'gausian-0.1'", "line 2, noise: noise is 'gausian-0.1'"),
         (
@@ -228,6 +231,8 @@ def test_the_page_lists_every_key():
             "[noise]\nactuator = [0.1]",
             "line 3, noise.actuator: actuator is [0.1]; it must be a num",
         ),
+        ("noise = ['none', 'none']", "line 2, noise: noise is ['none', 'none']; it has 'none' twi"),
+        ("steps = [1, 2, 1]", "line 2, steps: steps is [1, 2, 1]; it has 1 twice"),
         ("steps = [1, 0]", "line 2, steps: steps is 0; it must be a whole number"),
         (
             "steps = '300'",
@@ -240,7 +245,10 @@ def test_the_page_lists_every_key():
             "[parameters]\nforce = [1, -1]",
             "line 3, parameters.force: force is -1; it must be a num",
         ),
-        ("[parameters]\nforce = '0:1:1000'\nhalf_length = [1, 2]", "the sweep has 2,000 cases"),
+        (
+            "[parameters]\nforce = '0:1:1000'\nhalf_length = [1, 2]",
+            "line 3, parameters.force: the sweep has 2,0",
+        ),
         ("half_length = 3", "line 2, half_length: half_length is a parameter of the plant; it be"),
         ("discount = 3", "line 2, discount: discount is a setting of the agent reinforce; it belo"),
         ("[parameters]\ndiscount = 3", "line 3, parameters.discount: parameter is 'discount'"),
@@ -257,6 +265,10 @@ def test_the_page_lists_every_key():
         (
             "[settings.random-search]\nfrom = 'x'",
             "line 3, settings.random-search.from: from is 'x'; it must be one of default",
+        ),
+        (
+            "[settings.random-search]\nfrom = ['default', 'default']",
+            "line 3, settings.random-search.from: from is ['default', 'default']; it has 'default'",
         ),
         (
             "[settings.random-search]\nfrom = 'tuned.toml'",
@@ -386,6 +398,10 @@ GRIDS = st.fixed_dictionaries(
 PLANS = st.fixed_dictionaries({"runs": st.integers(1, 10**6), "seed": st.integers(0, 2**63 - 1)})
 
 
+def unique(values):
+    return list(dict.fromkeys(values))
+
+
 @settings(ANYTHING, max_examples=25)
 @given(
     plan=PLANS,
@@ -402,8 +418,11 @@ def test_a_study_is_read_back_as_it_was_written(plan, grid, plant, discounts):
     assert {name: again[name] for name in plan} == plan
     (first, *_) = again["cases"]
     assert first.plant == plant
-    # Read from the bare content, with every list as it was given.
-    bare = {"agents": ["q-learning", "ndp"], **plan, **grid, "settings": changed}
+    # Read from the bare content, with every list as it was given, but for what it repeats.
+    changed["q-learning"]["discount"] = unique(discounts)
+    given = {name: unique(values) for name, values in grid.items() if name != "parameters"}
+    given["parameters"] = {name: unique(each) for name, each in grid["parameters"].items()}
+    bare = {"agents": ["q-learning", "ndp"], **plan, **given, "settings": changed}
     bare["plant"] = tomllib.loads(path.read_text()).get("plant", {})
     path.write_text(toml_text(bare))
     assert keys(read_study(path)) == keys(again)

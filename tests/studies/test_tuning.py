@@ -437,6 +437,21 @@ def test_a_store_has_the_name_it_is_given(name, tmp_path, monkeypatch):
         assert len(tried(tmp_path / name)) == 1
 
 
+@pytest.mark.parametrize("value", ["", "\x1b[2J\n", "[", "{}", "3"])
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [("study_user_attributes", "value_json"), ("trial_params", "distribution_json")],
+)
+def test_a_damaged_store_is_refused(table, column, value, tmp_path):
+    path = tmp_path / "tune"
+    search(wanted(), 2, path)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(f"UPDATE {table} SET {column} = ?", (value,))
+    with pytest.raises(UprightError, match=r"^store is '.*tune'; it ") as caught:
+        search(wanted(), 3, path)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", ["", ".", "/"])
 def test_a_folder_is_no_store(name):
     with pytest.raises(UprightError, match=r"^store is '.*'; it is a folder, a file is needed$"):

@@ -43,6 +43,7 @@ def test_all_runs_are_made_again_and_the_file_stays_as_it_is(path):
     found = verify(path, None)
     assert (found.runs, found.compared, found.is_sound) == (12, 12, True)
     assert str(found) == "12 runs read, 12 of them made again: 12 the same bit for bit, 0 different"
+    assert str(verify(path, 0)) == "12 runs read, none made again"
     assert path.read_bytes() == content
     assert [each.name for each in path.parent.iterdir()] == [path.name]
 

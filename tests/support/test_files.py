@@ -335,6 +335,7 @@ def test_a_reader_that_ends_early_is_no_error_of_the_output():
         (".", "it is a folder"),
         ("missing/file", "its folder does not exist"),
         ("file/below", "its folder does not exist"),
+        ("new/", "it is the name of a folder"),
     ],
 )
 def test_a_name_that_cannot_be_written_is_refused_at_once(name, why, tmp_path, monkeypatch):
@@ -359,7 +360,9 @@ def test_every_name_that_the_system_takes_is_written(name, tmp_path):
 
 def test_the_name_of_a_file_to_be_read_may_be_missing():
     check_name("--store", "missing/file")
-    with pytest.raises(UprightError, match=r"^--store is '/a+'; it cannot be a file's name"):
+    with pytest.raises(
+        UprightError, match=r"^--store is '/a+\.\.\.a+'; it cannot be a file's name"
+    ):
         check_name("--store", "/" + "a" * 300)
 
 

@@ -8,6 +8,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from upright.commands.parser import Parser
+from upright.support.terminal import visible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,9 +43,9 @@ def run(options: argparse.Namespace) -> int:
     check_module_name(path)
     agent, text = starter(path.stem, compiled=options.compiled)
     create_file(path, text)
-    print(f"{path}: an agent that works. Change it as you like, and try:")
+    print(f"{visible(str(path))}: an agent that works. Change it as you like, and try:")
     for command in next_commands(path, f"{path.stem}:{agent}"):
-        print(f"  {command}")
+        print(f"  {visible(command)}")
     return 0
 
 

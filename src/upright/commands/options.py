@@ -22,7 +22,7 @@ from upright.core.conditions import (
     TRIALS,
 )
 from upright.core.parameters import Parameters, parse_parameters
-from upright.errors import UprightError, did_you_mean
+from upright.errors import UprightError, did_you_mean, said
 from upright.plants import PLANTS
 from upright.reports.sweeps import heading
 from upright.reports.tables import FORMATS
@@ -584,7 +584,8 @@ def changes_by_agent(texts: Sequence[str], agents: Sequence[str]) -> dict[str, d
     for text in texts:
         owner, dot, _ = text.partition("=")[0].rpartition(".")
         if not dot and len(agents) > 1:
-            raise UprightError(f"--set is {text!r}; it must name one of the agents: AGENT.{text}")
+            why = f"it must name one of the agents: AGENT.{said(text)[1:-1]}"
+            raise UprightError(f"--set is {said(text)}; {why}")
         agent = owner.strip() if dot else agents[0]
         if agent not in found:
             hint = did_you_mean(agent, agents)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from upright.errors import UprightError, did_you_mean, require_one_of
+from upright.errors import UprightError, did_you_mean, require_one_of, said
 from upright.support.exit_status import BAD_USE
 from upright.support.numbers import whole_number
 from upright.support.registry import Registry
@@ -153,4 +153,4 @@ def as_number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}; it must be a number") from None
+        raise argparse.ArgumentTypeError(f"{said(text)}; it must be a number") from None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from upright.commands.options import add, add_executor_options
 from upright.commands.parser import READ, Parser
 from upright.commands.showing import put, telling_of_compilation
+from upright.errors import said
 from upright.support import terminal
 
 if TYPE_CHECKING:
@@ -92,17 +93,24 @@ def _part(text: str) -> tuple[int, int]:
         number, parts = map(int, found.groups())
         if 1 <= number <= parts:
             return number, parts
-    raise argparse.ArgumentTypeError(f"{text!r}; it must be K/N, such as 2/5, with K from 1 to N")
+    why = f"{said(text)}; it must be K/N, such as 2/5, with K from 1 to N"
+    raise argparse.ArgumentTypeError(why)
 
 
 def run(options: argparse.Namespace) -> int:
     """Carry out `upright study`."""
+    from upright.studies.store import Store
     from upright.studies.study import WHOLE
-    from upright.studies.study_file import read_study
+    from upright.studies.study_file import study_in
+    from upright.support.toml_file import read_toml
 
-    plan = read_study(options.file)
+    file = read_toml(options.file, "study file")
+    plan = study_in(file)
     options.runs, options.seed = plan["runs"], plan["seed"]
-    options.store = options.store or _store_of_part(plan["store"], options.part)
+    if options.store is None:
+        options.store = _store_of_part(plan["store"], options.part)
+        with file.at(*["store"] * ("store" in file.content)):
+            Store(options.store).close()  # an error about it names the line
     options.part = options.part or WHOLE
     options.parser.check_files(options)  # now that the store has its name
     if options.dry_run or options.status:

@@ -25,7 +25,13 @@ from upright.commands.options import (
     tasks_of,
 )
 from upright.commands.parser import WRITTEN, Parser
-from upright.commands.showing import put, put_table, telling_of_compilation, telling_what_is_kept
+from upright.commands.showing import (
+    put,
+    put_table,
+    tell_file,
+    telling_of_compilation,
+    telling_what_is_kept,
+)
 from upright.support.settings import RANGE
 
 if TYPE_CHECKING:
@@ -130,7 +136,7 @@ def _save_study(
     from upright.studies.study_file import save_study
     from upright.support.settings import pairs
 
-    agents = split(options.agents)
+    agents = list(dict.fromkeys(split(options.agents)))
     files = [(read_settings(path).agent, path) for path in options.settings_files]
     settings = {}
     for agent, changes in changes_by_agent(options.changes, agents).items():
@@ -152,7 +158,7 @@ def _save_study(
         "parameters": parameters,
     }
     save_study(options.save_study, plan, parts, starts[0].plant, settings)
-    print(f"study: {options.save_study}", file=sys.stderr)
+    tell_file("study", options.save_study, sys.stderr)
 
 
 def measure(cases: "Sequence[Case]", options: argparse.Namespace, *, is_sweep: bool = False) -> int:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import UprightError, require, require_one_of, said
 from upright.support.settings import pairs
 
 
@@ -140,7 +140,7 @@ def parse_parameters(texts: Iterable[str], option: str = "parameters") -> dict[s
         try:
             values[name] = float(text)
         except ValueError:
-            raise UprightError(f"{name} is {text!r}; it must be a number") from None
+            raise UprightError(f"{name} is {said(text)}; it must be a number") from None
     return values
 
 

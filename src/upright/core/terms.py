@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from upright.core.parameters import LARGEST, SMALLEST, lowest
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import UprightError, require, require_one_of, said
 
 FRACTION = "fraction"
 """Unit of sizes that may also be given in percent: 0.1 or 10%."""
@@ -96,7 +96,7 @@ def parse_terms(
     for part in re.split(r"[,+](?![\d.])", text):
         for name, size in _sizes(kind, part.strip(), terms, names, advice).items():
             if name in found:
-                raise UprightError(f"{kind} is {text!r}; it has {name} twice")
+                raise UprightError(f"{kind} is {said(text)}; it has {name} twice")
             found[name] = size
     return dict(sorted(found.items(), key=lambda item: _rank(item[0], terms)))
 
@@ -139,19 +139,19 @@ def _sizes(
     name, sign, size = (word.strip() for word in part.partition("="))
     if (form := form_of(name, terms)) is None:
         if name in names:
-            raise UprightError(f"{kind} {name} is {size!r}; it is a case, which has no size")
+            raise UprightError(f"{kind} {name} is {said(size)}; it is a case, which has no size")
         if why := advice(name):
-            raise UprightError(f"{kind} is {part!r}; {why}")
+            raise UprightError(f"{kind} is {said(part)}; {why}")
         require_one_of(kind, name, dict.fromkeys([*names, *written(terms)]))
     assert form is not None
     term, places = terms[form], _places(form, name)
     if "parameter" in places:
-        require_one_of(f"parameter in {name}", places["parameter"], VARIABLE)
+        require_one_of(f"parameter in {said(name)[1:-1]}", places["parameter"], VARIABLE)
     if "step" in places:
         name = name.replace(places["step"], str(int(places["step"])), 1)
     label = f"{kind} {name}"
     if sign and not term.unit:
-        raise UprightError(f"{label} is {size!r}; it has no size: write {name}")
+        raise UprightError(f"{label} is {said(size)}; it has no size: write {name}")
     if not sign and term.unit:
         raise UprightError(f"{label} has no size; write {name}=SIZE [{term.unit}]")
     if term.unit == RANGE:
@@ -203,9 +203,9 @@ def _size(label: str, text: str, term: Term) -> float | int:
         size = float(text.removesuffix("%") if percent else text) / (100.0 if percent else 1.0)
         size += 0.0  # -0 is 0
     except ValueError:
-        raise UprightError(f"{label} is {text!r}; it must be a number [{term.unit}]") from None
+        raise UprightError(f"{label} is {said(text)}; it must be a number [{term.unit}]") from None
     if term.unit == FRACTION and not 0.0 <= size <= 1.0:
-        raise UprightError(f"{label} is {text!r}; it must be from 0 to 1, such as 0.05 or 5%")
+        raise UprightError(f"{label} is {said(text)}; it must be from 0 to 1, such as 0.05 or 5%")
     whole = term.whole and size.is_integer()
     require(label, int(size) if whole else size, term.low, term.high, whole=term.whole)
     return int(size) if whole else size
@@ -217,7 +217,7 @@ def _range(label: str, text: str) -> Range:
     try:
         low, high = float(match[1]), float(match[2])  # type: ignore[index]
     except (TypeError, ValueError):
-        raise UprightError(f"{label} is {text!r}; it must be {RANGE}") from None
+        raise UprightError(f"{label} is {said(text)}; it must be {RANGE}") from None
     return checked_range(label, Range(low, high, match is not None and bool(match[3])))
 
 

@@ -3,13 +3,15 @@
 import csv
 import io
 import json
-from typing import TYPE_CHECKING, TextIO
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TextIO
 
 from upright.errors import require_module
 from upright.reports.escaping import csv_cell
 from upright.studies.columns import COLUMNS
 
 if TYPE_CHECKING:
+    from upright.core.trials import Result
     from upright.studies.store import Store
 
 FORMATS = ("csv", "json", "parquet")
@@ -39,7 +41,13 @@ def write_csv(store: "Store", each: str, file: TextIO) -> None:
 
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(COLUMNS[each])
-    writer.writerows(map(csv_cell, row) for row in rows(store.runs(), each))
+    writer.writerows(rows(map(_as_texts, store.runs()), each))
+
+
+def _as_texts(run: tuple[Mapping[str, Any], "Result"]) -> tuple[dict[str, str], "Result"]:
+    """Return a run with its values written for CSV: once, though it may have many rows."""
+    values, result = run
+    return {name: str(csv_cell(value)) for name, value in values.items()}, result
 
 
 def write_json(store: "Store", each: str, file: TextIO) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from upright.plants import PLANTS
 from upright.reports.sweeps import heading, sizes, swept
-from upright.reports.tables import Column, lines_of, number
+from upright.reports.tables import Column, lines_of, number, seen
 from upright.studies.case import Case, name_settings
 from upright.studies.estimate import Estimate, Probe, Standing, estimate
 from upright.support import terminal
@@ -62,7 +62,7 @@ def plan_text(found: Probe, runs: int, store: str) -> str:
     part = f"; this part: {wanted:,}" if wanted < whole else ""
     lines = [
         f"study: {count(len(several), 'case')} of {count(runs, 'run')} each: {whole:,}{part}",
-        f"store: {store}, which has {finished:,} of them",
+        f"store: {terminal.visible(store)}, which has {finished:,} of them",
         f"to do: {count(wanted - finished, 'run')}",
     ]
     if finished < wanted:
@@ -119,9 +119,11 @@ def status_text(several: Sequence[Standing], store: str) -> str:
         Column("Time left", [_time_left([each]) for each in several]),
     ]
     finished, wanted = sum(e.finished for e in several), sum(len(e.wanted) for e in several)
-    total = f"{finished:,} of {count(wanted, 'run')} are finished in {store}; "
+    place = terminal.visible(store)
+    verb = "is" if wanted == 1 else "are"
+    total = f"{finished:,} of {count(wanted, 'run')} {verb} finished in {place}; "
     left = f"time left: {_time_left(several)}" if finished < wanted else "nothing is left to do"
-    lines = lines_of(_labels([each.case for each in several]), figures, terminal.width())
+    lines = lines_of(seen(_labels([each.case for each in several])), figures, terminal.width())
     return "\n".join([*lines, "", f"{total}{left}."]) + "\n"
 
 

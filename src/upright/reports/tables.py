@@ -197,7 +197,7 @@ def to_text(rows: Sequence["Row"], width: int | None = None, *, sources: bool = 
     """
     width = width or terminal.width()
     said = _said_once(rows)
-    labels = _seen(label for label in _labels(rows) if label.head not in said)
+    labels = seen(label for label in _labels(rows) if label.head not in said)
     figures, published = _figures(rows), _published(rows, _sources(rows))
     tables, left_out = [], []
     if sources:
@@ -291,7 +291,7 @@ def _aligned(labels: Sequence[Column], figures: Sequence[Column]) -> list[str]:
     return [lines[0], "─" * _width(columns), *lines[1:]]
 
 
-def _seen(columns: Iterable[Column]) -> list[Column]:
+def seen(columns: Iterable[Column]) -> list[Column]:
     """Return columns in which every character can be seen."""
     return [column._replace(cells=list(map(terminal.visible, column.cells))) for column in columns]
 

@@ -5,6 +5,7 @@ and receive custom code with every piece of work, so that a worker may come, go 
 time.
 """
 
+import asyncio
 import importlib
 import math
 import pickle
@@ -80,12 +81,13 @@ class Cluster:
         distributed = require_module("distributed", "a cluster needs dask.distributed", "cluster")
         _silence()
         self.address = address
-        # A client that fails at once waits in __del__ for its scheduler; others are closed here.
-        client = type("Client", (distributed.Client,), {"__del__": lambda _: None})
         try:
-            self._client = client(address, timeout=ANSWERING, set_as_default=False)
+            self._client = _bounded(distributed.Client)(
+                address, timeout=ANSWERING, set_as_default=False
+            )
         except Exception as error:  # of many kinds: of names, networks, certificates
-            why = " ".join(str(error).split()) or type(error).__name__
+            silent = f"nothing was said for {ANSWERING:g} s"
+            why = " ".join(str(error).split()) or silent
             raise UprightError(
                 f"address is {address!r}; no dask scheduler answers there: {why}"
             ) from None
@@ -207,6 +209,20 @@ class Cluster:
             self._client.close(timeout=1)
 
 
+def _bounded(client: Any) -> Any:
+    """Return a class of clients that do not wait for ever for what is no scheduler."""
+
+    class Client(client):  # type: ignore[misc]
+        async def _ensure_connected(self, timeout: float | None = None) -> None:
+            """Connect; dask itself bounds only the time to open the connection."""
+            await asyncio.wait_for(super()._ensure_connected(timeout), timeout)
+
+        def __del__(self) -> None:
+            """Do nothing: a client that failed would wait; others are closed by `Cluster`."""
+
+    return Client
+
+
 def _contents(root: Path, paths: Iterable[Path]) -> Files:
     """Return the path below a folder and the content of each file."""
     return tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in sorted(paths))
@@ -276,12 +292,31 @@ def perform(ours: dict[str, str], code: Code, packed: bytes) -> Any:
     for name, version in ours.items():
         if theirs.get(name) != version:
             raise Refused(f"it has {name} {theirs.get(name)}; it must be {version}, as here")
-    work, cases, arguments = pickle.loads(packed)
+    work, all_cases, arguments = pickle.loads(packed)
+    cases = [case for case in all_cases if changeable(case)]
     if not (code.folders or code.definitions):
+        _require_same(cases)
         return work(*arguments)
     with _turn(code):
-        _receive(code, [case for case in cases if changeable(case)])
+        _receive(code, cases)
         return work(*arguments)
+
+
+def _require_same(cases: Iterable[Case]) -> None:
+    """Raise Refused unless what may change of cases is here as in the process that they come from.
+
+    That is custom code, or the simulator and the files of a plant.
+    """
+    for case in cases:
+        try:
+            differs = has_changed(case)
+            why = f"{changeable(case)}, of which it has another version"
+        except UprightError as error:  # without the traceback of custom code, which would follow
+            differs, why = True, str(error).partition("\n")[0]
+        if differs:
+            files = [getattr(case.plant, name) for name in getattr(case.plant, "FILES", ())]
+            need = "; workers need the same file at the same path" if any(files) else ""
+            raise Refused(why + need)
 
 
 # ------------------------------------------------------------------------------ custom code there
@@ -341,11 +376,9 @@ def _receive(code: Code, cases: Sequence[Case]) -> None:
             if code not in _definitions:
                 _definitions[code] = load(code.definitions)
             define(_definitions[code])
-        others = [changeable(case) for case in cases if has_changed(case)]
     except UprightError as error:
-        raise Refused(str(error)) from None
-    if others:
-        raise Refused(f"{others[0]}, of which it has another version")
+        raise Refused(str(error).partition("\n")[0]) from None
+    _require_same(cases)
     _present.append(code)
 
 

@@ -2,9 +2,10 @@
 
 import os
 import sqlite3
+import stat
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,8 @@ class Database:
         self.path, self._name = path, name or str(path)
         self._names = [os.fspath(each) for each in (path, log_of(path))] if path else []
         self._left = self._allowed = 0
-        self._files: list[Any] | None = None
-        """Which file is written, and which is its log."""
+        self._files: list[Any] = []
+        """Which file is written, and which is its log, as far as that is known."""
         place = ":memory:" if path is None else f"{path.absolute().as_uri()}?{mode}"
         with self._explaining():
             self._connection = sqlite3.connect(
@@ -142,7 +143,7 @@ class Database:
                 with self._explaining():
                     self._connection.rollback()
             raise
-        self._files = self._files or self._present_files()
+        self._files += self._present_files()[len(self._files) :]
 
     def write_ahead(self) -> None:
         """Switch to the write-ahead log, so that a killed process loses nothing.
@@ -160,11 +161,14 @@ class Database:
                     time.sleep(0.01)
                 else:
                     break
+        # Already now, before anything is written that could be lost with the name.
+        self._files = self._files or self._present_files()[:1]
         self.run("PRAGMA synchronous = NORMAL")
 
     def is_in_place(self) -> bool:
         """Whether the file that was written still has its name, and so has its log."""
-        return self._files in (None, self._present_files())
+        known = self._files
+        return known == self._present_files()[: len(known)] and None not in known[:1]
 
     def _present_files(self) -> list[Any]:
         """Return which files have the names of the file and its log now."""
@@ -175,8 +179,9 @@ class Database:
 
         SQLite would apply it to whatever gets the name next.
         """
-        if self.path and self._files and self._files[1] == self._present_files()[1]:
-            remove_logs(self.path)
+        if self.path and self._files[1:] == self._present_files()[1:]:
+            with suppress(UprightError):  # where nothing can be changed, nothing is applied
+                remove_logs(self.path)
 
     def close(self) -> None:
         """Close the file."""
@@ -220,15 +225,64 @@ def open_to_read(path: Path, name: str) -> Database:
     raise fault
 
 
+def is_there(path: Path | str) -> bool:
+    """Whether there is a file of this name, which can be read.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be one, nor have its log beside it, or something else is there.
+    """
+    name = f"store is {str(path)!r}"
+    if not str(path) or "\0" in str(path):
+        raise UprightError(f"{name}; it must be the name of a file")
+    missing = FileNotFoundError, NotADirectoryError
+    try:
+        with suppress(*missing):
+            os.stat(f"{path}{max(LOGS, key=len)}")  # whose name may be too long
+        mode = os.stat(path).st_mode
+    except missing:
+        return False
+    except OSError as error:
+        raise UprightError(f"{name}; it cannot be used: {error.strerror}") from None
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+        raise UprightError(f"{name}; it is {kind}, a file is needed")
+    if not os.access(path, os.R_OK):
+        raise UprightError(f"{name}; it cannot be read: permission denied")
+    return True
+
+
+def check_place(path: Path | str) -> None:
+    """Raise UprightError unless a file can be created here; a link is followed."""
+    name, folder = f"store is {str(path)!r}", Path(os.path.realpath(path)).parent
+    if str(path).endswith(os.sep):
+        raise UprightError(f"{name}; it must be the name of a file")
+    if not folder.is_dir():
+        raise UprightError(f"{name}; its folder does not exist")
+    if not os.access(folder, os.W_OK):
+        raise UprightError(f"{name}; its folder cannot be written to")
+
+
 def log_of(path: Path) -> Path:
     """Return the path of a file's write-ahead log."""
     return Path(f"{path}-wal")
 
 
 def remove_logs(path: Path) -> None:
-    """Remove what SQLite writes beside a file, where the file itself is gone."""
-    for ending in LOGS:
-        Path(f"{path}{ending}").unlink(missing_ok=True)
+    """Remove what SQLite writes beside a file, where the file itself is gone.
+
+    Raises
+    ------
+    UprightError
+        If something there cannot be removed.
+    """
+    for log in (Path(f"{path}{ending}") for ending in LOGS):
+        try:
+            log.unlink(missing_ok=True)
+        except OSError as error:
+            why = f"{str(log)!r} is in its way and cannot be removed: {error.strerror}"
+            raise UprightError(f"store is {str(path)!r}; {why}") from None
 
 
 def _has_log(path: Path) -> bool:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from upright.errors import UprightError
-from upright.studies.database import Database, remove_logs
+from upright.studies.database import Database, is_there, remove_logs
 from upright.studies.differences import Difference, Findings, Progress, case_in_words, is_equal
 from upright.studies.schema import put
 from upright.studies.store import Store, Version
 from upright.studies.stored_run import as_result
-from upright.support.files import creating
+from upright.support.files import check_output, creating
 from upright.support.words import count
 
 
@@ -94,12 +94,12 @@ def merge(
     for path in stores:
         Store(path, must_exist=True).close()  # refused before anything is written
     place: AbstractContextManager[Path] = nullcontext(Path(output))
-    if not Path(output).exists():
-        remove_logs(
-            Path(output)
-        )  # of a store that was deleted, which SQLite would apply to this one
+    if not is_there(output):
+        check_output(output)
+        remove_logs(Path(output))  # of a deleted store: SQLite would apply them to this one
         place = creating(output)
     with place as file, Store(file) as target:
+        target.path = output  # for errors
         with target.writing() as database:
             for path in stores:
                 with Store(path, must_exist=True) as source:

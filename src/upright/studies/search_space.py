@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from upright.agents import Settings
-from upright.errors import UprightError
+from upright.errors import UprightError, said
 from upright.support.settings import refuse_former_name
 
 if TYPE_CHECKING:
@@ -99,15 +99,15 @@ def search_space(
         refuse_former_name(settings, name)
         if name not in kinds:
             known = ", ".join(field.name for field in fields(settings))
-            raise UprightError(f"search is {text!r}; the setting must be one of {known}")
+            raise UprightError(f"search is {said(text)}; the setting must be one of {known}")
         if name in fixed:
-            raise UprightError(f"search is {text!r}; the same setting is fixed")
+            raise UprightError(f"search is {said(text)}; the same setting is fixed")
         range_ = _range(settings, name, kinds[name])
         if limits:
             range_ = _parsed_range(settings, name, limits)
         if range_ is None:
             why = "it has no default range; give one as NAME=LOW:HIGH, or leave it out"
-            raise UprightError(f"search is {text!r}; {why}")
+            raise UprightError(f"search is {said(text)}; {why}")
         space[name] = range_
     return list(space.values())
 
@@ -141,13 +141,13 @@ def _range(settings: Settings, name: str, kind: Any) -> Range | None:
 def _parsed_range(settings: Settings, name: str, limits: str) -> Range:
     """Return the range of a number that is given as "low:high"."""
     value = getattr(settings, name)
-    whole = isinstance(value, int)
+    whole, given = isinstance(value, int), said(f"{name}={limits}")
     try:
         low, high = (int(end) if whole else float(end) for end in limits.split(":"))
     except ValueError:
-        raise UprightError(f"search is '{name}={limits}'; it must be NAME=LOW:HIGH") from None
+        raise UprightError(f"search is {given}; it must be NAME=LOW:HIGH") from None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low < high:
-        raise UprightError(f"search is '{name}={limits}'; it must be a number from LOW up to HIGH")
+        raise UprightError(f"search is {given}; it must be a number from LOW up to HIGH")
     replace(settings, **{name: low})
     replace(settings, **{name: high})
     if not whole and low > 0.5 and high < 1.0:

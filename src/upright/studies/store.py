@@ -3,7 +3,6 @@
 import json
 import os
 import reprlib
-import stat
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from upright import __version__
 from upright.core.trials import Result
 from upright.errors import CodeError, UprightError, require_kind
 from upright.studies.case import Case
-from upright.studies.database import Database, log_of, open_to_read
+from upright.studies.database import Database, check_place, is_there, log_of, open_to_read
 from upright.studies.outcomes import Outcomes, make_outcomes
 from upright.studies.recorded_environment import present_environment
 from upright.studies.records import describe_case, make_frame
@@ -83,14 +82,12 @@ class Store:
         self._is_written = False
         if path is None or self._place is None:
             self._open_to_write()
-        elif _exists(path):
+        elif is_there(path):
             self._open_to_read(self._place)
         elif must_exist:
             raise UprightError(f"store is {str(path)!r}; there is no such file")
-        elif not Path(path).parent.is_dir():
-            raise UprightError(f"store is {str(path)!r}; its folder does not exist")
-        elif not os.access(Path(path).parent, os.W_OK):
-            raise UprightError(f"store is {str(path)!r}; its folder cannot be written to")
+        else:
+            check_place(path)
 
     def __enter__(self) -> Self:
         return self
@@ -146,7 +143,7 @@ class Store:
 
     def _each_row(self, query: str, values: Iterable[object] = ()) -> Iterator[Any]:
         """Yield what `_rows` returns, row by row as it is read."""
-        if self._form is None and self._place is not None and _exists(self._place):
+        if self._form is None and self._place is not None and is_there(self._place):
             self.close()
             self._open_to_read(self._place)  # another process may have made it a store
         if self._database and self._form:
@@ -477,31 +474,6 @@ class Store:
             finally:
                 if self._database:
                     self._database.close()
-
-
-def _exists(path: Path | str) -> bool:
-    """Whether there is a file of this name, which can be read.
-
-    Raises
-    ------
-    UprightError
-        If it cannot be one, or something else is there.
-    """
-    name = f"store is {str(path)!r}"
-    if not str(path) or "\0" in str(path):
-        raise UprightError(f"{name}; it must be the name of a file")
-    try:
-        mode = os.stat(path).st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        return False
-    except OSError as error:
-        raise UprightError(f"{name}; it cannot be used: {error.strerror}") from None
-    if not stat.S_ISREG(mode):
-        kind = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-        raise UprightError(f"{name}; it is {kind}, a file is needed")
-    if not os.access(path, os.R_OK):
-        raise UprightError(f"{name}; it cannot be read: permission denied")
-    return True
 
 
 def _free_name(path: Path) -> Path:

@@ -17,6 +17,7 @@ name and value is checked, and sizes are bounded; of custom agents, the code is 
 """
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,7 +29,7 @@ from upright.agents import AGENTS, LABELS
 from upright.core.conditions import PUBLISHED_NOISES, RUNS
 from upright.core.parameters import Parameters
 from upright.core.task import TaskSpec
-from upright.errors import CodeError, UprightError, require_kind, require_one_of
+from upright.errors import CodeError, UprightError, require_kind, require_one_of, said
 from upright.plants import PLANTS
 from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
@@ -45,7 +46,8 @@ from upright.studies.task_file import (
     read_task,
     text_in,
 )
-from upright.support.files import write_file
+from upright.support.files import check_name as check_file_name
+from upright.support.files import require_apart, write_file
 from upright.support.settings import (
     RANGE,
     changed_values,
@@ -192,8 +194,12 @@ def _few(file: TomlFile, things: Iterable[T], *keys: Key) -> list[T]:
 def _store(file: TomlFile) -> str:
     name = file.content.get("store", file.path.with_suffix(".sqlite").name)
     if not isinstance(name, str) or not name or "\0" in name:
-        raise file.error(f"store is {name!r}; it must be the path of a file", "store")
-    return str(file.path.parent / name)
+        raise file.error(f"store is {said(name)}; it must be the path of a file", "store")
+    path = str(file.path.parent / name)
+    with file.at(*["store"] * ("store" in file.content)):
+        check_file_name("store", path)
+        require_apart([("store", path)], [("study file", file.path)])
+    return path
 
 
 # ---------------------------------------------------------------------------------------- values
@@ -221,10 +227,17 @@ def _several(name: str, value: Any, usual: object) -> list[Any]:
         raise UprightError(f"{name} is []; it must have a value")
     is_number = isinstance(usual, (int, float)) and not isinstance(usual, bool)
     values: list[Any] = []
-    for item in items:
+    for place, item in enumerate(items):
+        if item in items[:place]:
+            raise _repeated(name, items, item)
         values += _numbers_of_range(name, item) if is_number and isinstance(item, str) else [item]
         require_few_cases(len(values))
     return values
+
+
+def _repeated(name: str, items: Sequence[Any], item: object) -> UprightError:
+    """Return the error about an item that a list has twice, which may be meant for another."""
+    return UprightError(f"{name} is {said(items)}; it has {said(item)} twice")
 
 
 def _has_lists(value: Any) -> bool:
@@ -234,18 +247,23 @@ def _has_lists(value: Any) -> bool:
 def _numbers_of_range(name: str, text: str) -> list[float]:
     if ":" not in text or "," in text:
         raise UprightError(
-            f"{name} is {text!r}; it must be a number, several in a list, or {RANGE}"
+            f"{name} is {said(text)}; it must be a number, several in a list, or {RANGE}"
         )
     numbers = (float(number) for number in numbers_in(name, text))
     return [int(number) if number.is_integer() else number for number in numbers]
 
 
 def _texts(file: TomlFile, value: Any, *keys: Key) -> list[str]:
-    """Return a text or several, each once."""
+    """Return a text or several, each of which is there once."""
     texts = value if isinstance(value, list) else [value]
     if not texts or not all(isinstance(text, str) for text in texts):
-        raise file.error(f"{keys[-1]} is {value!r}; it must be a name, or a list of names", *keys)
-    return list(dict.fromkeys(texts))
+        raise file.error(
+            f"{keys[-1]} is {said(value)}; it must be a name, or a list of names", *keys
+        )
+    text, times = Counter(texts).most_common(1)[0]
+    if times > 1:
+        raise file.error(_repeated(str(keys[-1]), texts, text), *keys)
+    return texts
 
 
 def _made(
@@ -268,7 +286,8 @@ def _made(
 
 
 def _combinations(file: TomlFile, axes: Mapping[str, Axis], *keys: Key) -> list[dict[str, Any]]:
-    with file.at(*keys):
+    longest = max(axes.values(), key=lambda axis: len(axis.values), default=Axis(keys, []))
+    with file.at(*longest.keys):  # it is most likely to be what makes them too many
         return combinations({name: axis.values for name, axis in axes.items()})
 
 
@@ -285,7 +304,7 @@ def _agents(file: TomlFile) -> list[str]:
             AGENTS.check(agent)
     settings = file.content.get("settings", {})
     if not isinstance(settings, dict):
-        why = f"settings is {settings!r}; it must have a table for each agent, [settings.AGENT]"
+        why = f"settings is {said(settings)}; it must have a table for each agent, [settings.AGENT]"
         raise file.error(why, "settings")
     for agent, table in settings.items():
         with file.at("settings", agent):
@@ -345,7 +364,7 @@ def _tasks(file: TomlFile) -> Iterator[tuple[TaskSpec, PlantSettings]]:
         return
     tasks = file.content["tasks"]
     if not isinstance(tasks, list) or not tasks:
-        why = f"tasks is {tasks!r}; it must be tables, [[tasks]], or a list of task files"
+        why = f"tasks is {said(tasks)}; it must be tables, [[tasks]], or a list of task files"
         raise file.error(why, "tasks")
     for place, task in enumerate(tasks):
         axes = _in_order(shared | _parts_of(file, task, "tasks", place))

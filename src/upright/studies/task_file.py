@@ -18,7 +18,6 @@ from anyone, so every name and value is checked, and its size is bounded.
 """
 
 import os
-import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -27,7 +26,7 @@ from typing import Any
 from upright import __version__
 from upright.core.parameters import Parameters, changed_parameters, make_parameters
 from upright.core.task import TaskSpec
-from upright.errors import UprightError, require_kind, require_one_of
+from upright.errors import UprightError, require_kind, require_one_of, said
 from upright.plants import PLANTS, describe_plant
 from upright.plants.equations import EQUATIONS
 from upright.plants.settings import PlantSettings
@@ -139,7 +138,7 @@ def text_in(file: TomlFile, value: Any, *keys: Key) -> str:
     """
     text = ",".join(_terms(file, value, *keys)) if isinstance(value, dict) else value
     if not isinstance(text, str):
-        why = f"{keys[-1]} is {reprlib.repr(text)}; it must be a text, or a table of terms"
+        why = f"{keys[-1]} is {said(text)}; it must be a text, or a table of terms"
         raise file.error(why, *keys)
     return text
 
@@ -156,7 +155,7 @@ def _terms(file: TomlFile, table: Mapping[str, Any], *keys: Key, within: str = "
         elif isinstance(value, (int, float, str)):
             yield f"{term}={value}"
         else:
-            why = f"{term} is {value!r}; it must be a number, a text, or true"
+            why = f"{term} is {said(value)}; it must be a number, a text, or true"
             raise file.error(why, *keys, name)
 
 
@@ -171,7 +170,7 @@ def plant_in(file: TomlFile, values: Any, *keys: Key) -> PlantSettings:
         If it is not a table, there is no such plant, or a setting or value is not allowed.
     """
     if not isinstance(values, dict):
-        raise file.error(f"plant is {values!r}; it must be a table, [plant]", *keys)
+        raise file.error(f"plant is {said(values)}; it must be a table, [plant]", *keys)
     name = values.get("name", EQUATIONS.name)
     default = default_plant(file, name, *keys)
     own = {name: value for name, value in values.items() if name != "name"}
@@ -193,7 +192,7 @@ def default_plant(file: TomlFile, name: Any, *keys: Key) -> PlantSettings:
         If there is no such plant.
     """
     if not isinstance(name, str):
-        raise file.error(f"plant is {name!r}; it must be the name of a plant", *keys, "name")
+        raise file.error(f"plant is {said(name)}; it must be the name of a plant", *keys, "name")
     return file.checked(lambda named: PLANTS.default(named["name"]), {"name": name}, *keys)
 
 

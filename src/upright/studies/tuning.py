@@ -33,6 +33,7 @@ from upright.core.parameters import changed_parameters
 from upright.errors import AgentWarning, UprightError, require, require_module
 from upright.plants import PLANTS
 from upright.studies.case import Case
+from upright.studies.database import check_place, is_there
 from upright.studies.executors import AnyExecutor
 from upright.studies.intervals import bootstrap_interval
 from upright.studies.run import DIVERGED
@@ -256,7 +257,7 @@ def _sampler(seed: int, finished: int) -> Any:
 def _opened(plan: Search, path: Path | str) -> Iterator[Any]:
     """Open a store, which is new or holds the same search; yield Optuna's study."""
     is_ready = _check_store(path)
-    if not Path(path).exists():
+    if not is_there(path):
         with creating(path) as part, _opened_study(part, path) as optuna_study:
             _check_same(plan, optuna_study, path)
     with ExitStack() as opened:
@@ -283,12 +284,14 @@ def _opened_study(file: Path, path: Path | str) -> Iterator[Any]:
     storage = None
     try:
         storage = optuna.storages.RDBStorage("sqlite://", opening)
-        yield optuna.create_study(
+        optuna_study = optuna.create_study(
             storage=storage,
             study_name="upright",
             load_if_exists=True,
             pruner=optuna.pruners.MedianPruner(),
         )
+        _check_values(optuna_study, path)
+        yield optuna_study
     except (SQLAlchemyError, sqlite3.Error, optuna.exceptions.StorageInternalError) as error:
         why = str(error).splitlines()[0]
         raise UprightError(f"store is {str(path)!r}; it cannot be used: {why}") from None
@@ -296,6 +299,16 @@ def _opened_study(file: Path, path: Path | str) -> Iterator[Any]:
         if storage is not None:
             storage.remove_session()
             storage.engine.dispose()
+
+
+def _check_values(optuna_study: Any, path: Path | str) -> None:
+    """Raise UprightError if Optuna cannot read what a store holds."""
+    try:
+        optuna_study.get_trials(deepcopy=False)
+        optuna_study.user_attrs  # noqa: B018 - it reads them
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        why = str(error).partition("\n")[0]
+        raise UprightError(f"store is {str(path)!r}; it is damaged: {why}") from None
 
 
 def _connect(file: Path | str) -> sqlite3.Connection:
@@ -313,9 +326,8 @@ def _check_store(path: Path | str) -> bool:
     """
     if Path(path).is_dir():
         raise UprightError(f"store is {str(path)!r}; it is a folder, a file is needed")
-    if not Path(path).parent.is_dir():
-        raise UprightError(f"store is {str(path)!r}; its folder does not exist")
-    if not Path(path).exists():
+    if not is_there(path):
+        check_place(path)
         return False
     try:
         with closing(_connect(path)) as database:
@@ -335,7 +347,7 @@ def _check_same(plan: Search, optuna_study: Any, path: Path | str) -> None:
     if stored is None and not optuna_study.trials:
         optuna_study.set_user_attr("upright", key)
     elif stored != key:
-        stored = stored or {}
+        stored = stored if isinstance(stored, dict) else {}
         names = ", ".join(name for name in key if stored.get(name) != key[name])
         why = f"it holds another search, which differs in: {names}; name another file"
         raise UprightError(f"store is {str(path)!r}; {why}")

@@ -51,10 +51,11 @@ class Verification:
     def __str__(self) -> str:
         """Return it in words, on several lines."""
         same = self.compared - self.differing.total
-        lines = [
-            f"{count(self.runs, 'run')} read, {self.compared:,} of them made again: {same:,} the "
-            f"same bit for bit, {self.differing.total:,} different"
-        ]
+        again = (
+            f"{self.compared:,} of them made again: {same:,} the same bit for bit, "
+            f"{self.differing.total:,} different"
+        )
+        lines = [f"{count(self.runs, 'run')} read, {again if self.compared else 'none made again'}"]
         for why, runs in self.not_comparable.items():
             lines.append(f"{count(runs, 'run')} not comparable: {why}")
         for recorded, runs in self.environments.items():

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from upright.errors import CodeError, UprightError, did_you_mean
+from upright.errors import CodeError, UprightError, did_you_mean, said
 from upright.support.faults import RAISED, fault, reporting
 
 
@@ -27,7 +27,7 @@ class CustomCode(NamedTuple):
 
     @property
     def _is(self) -> str:
-        return f"{self.error.owner} is {self.path!r}"
+        return f"{self.error.owner} is {said(self.path)}"
 
     def find(self) -> Callable[..., Any]:
         """Return the class or function.
@@ -48,7 +48,7 @@ class CustomCode(NamedTuple):
             names = (key for key, value in vars(module).items() if callable(value))
             hint = did_you_mean(name, names)
             raise UprightError(
-                f"{self._is}; there is no class or function {name!r} in {module.__name__}{hint}"
+                f"{self._is}; there is no class or function {said(name)} in {module.__name__}{hint}"
             )
         return found  # type: ignore[no-any-return]
 
@@ -121,7 +121,7 @@ class CustomCode(NamedTuple):
             return import_module(name)
         except RAISED as error:
             if _is_missing(name, error):
-                why = f"there is no module {name!r} in this folder or where Python looks"
+                why = f"there is no module {said(name)} in this folder or where Python looks"
                 raise UprightError(f"{self._is}; {why}") from error
             raise fault(self.error, self.path, "its module cannot be imported", error) from error
 

@@ -13,7 +13,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, BinaryIO
 
-from upright.errors import UprightError
+from upright.errors import UprightError, said
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer as Buffer
@@ -95,7 +95,9 @@ def check_name(name: str, path: Path | str) -> None:
         return  # of a folder: what opens the file says so
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise UprightError(f"{name} is {str(path)!r}; it cannot be a file's name: {why}") from None
+        raise UprightError(
+            f"{name} is {said(str(path))}; it cannot be a file's name: {why}"
+        ) from None
 
 
 def check_output(path: Path | str) -> Path:
@@ -107,6 +109,8 @@ def check_output(path: Path | str) -> Path:
         If no file can have this name, its folder is missing or not writable, or it is a folder.
     """
     check_name("output", path)
+    if str(path).endswith(("/", os.sep)):  # which Path takes away
+        raise UprightError(f"output is {str(path)!r}; it is the name of a folder, a file is needed")
     path = Path(path)
     with _explained(path):
         if (number := _descriptor(path)) is not None:
@@ -384,7 +388,7 @@ class _Part:
     def discard(self) -> None:
         """Close it, and remove it if it is still hidden."""
         if self.name is not None:
-            self.name.unlink(missing_ok=True)
+            _remove(self.name)
         if self.number >= 0:
             os.close(self.number)
 
@@ -428,8 +432,7 @@ class _Part:
                 number = os.open(old, os.O_RDWR)
                 try:
                     _lock(number, wait=False)
-                    for end in (*COMPANIONS, ""):
-                        Path(f"{old}{end}").unlink(missing_ok=True)
+                    _remove(old)
                 finally:
                     os.close(number)
 
@@ -467,6 +470,12 @@ class _Part:
                 raise
             # A file that another is mounted on, as containers do, can only be written to in place.
             shutil.copyfile(self.name, self.target)
+
+
+def _remove(path: Path) -> None:
+    """Remove a hidden file, and before it what SQLite has left beside it, as on a full disk."""
+    for end in (*COMPANIONS, ""):
+        Path(f"{path}{end}").unlink(missing_ok=True)
 
 
 def _lock(number: int, *, wait: bool = True) -> None:

@@ -2,7 +2,7 @@
 
 import re
 
-from upright.errors import UprightError
+from upright.errors import UprightError, said
 
 PLAIN = re.compile(r"[+-]?[0-9]{1,30}|[+-]?[0-9]{1,3}(_[0-9]{3})+")
 COMMAS = re.compile(r"[+-]?[0-9]{1,3}(,[0-9]{3})+")
@@ -42,4 +42,4 @@ def whole_number(text: str, *, commas: bool = True) -> int:
         if value == value.to_integral_value():
             return int(value)
     forms = "60000, 60,000, 60_000, 6e4 or 60k" if commas else "60000, 60_000, 6e4 or 60k"
-    raise UprightError(f"{text!r}; it must be a whole number, written like {forms}")
+    raise UprightError(f"{said(text)}; it must be a whole number, written like {forms}")

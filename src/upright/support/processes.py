@@ -126,11 +126,31 @@ def share_core(number: int) -> Iterator[None]:
     number
         Selects the core: partners with the same number share one.
     """
+    with _pinned(lambda cores: {_chosen(cores, number)}):
+        yield
+
+
+@contextmanager
+def leave_core(number: int) -> Iterator[None]:
+    """Keep this thread, and what it starts, off the core that `share_core` selects.
+
+    Where there is one core alone, it is used.
+    """
+    with _pinned(lambda cores: cores - {_chosen(cores, number)} or cores):
+        yield
+
+
+def _chosen(cores: set[int], number: int) -> int:
+    return sorted(cores)[number % len(cores)]
+
+
+@contextmanager
+def _pinned(choose: Callable[[set[int]], set[int]]) -> Iterator[None]:
     if not hasattr(os, "sched_setaffinity"):  # only Linux has it
         yield
         return
     cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {sorted(cores)[number % len(cores)]})
+    os.sched_setaffinity(0, choose(cores))
     try:
         yield
     finally:

@@ -11,7 +11,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require_one_of, said
 from upright.support.settings import Fields, restored, values_of
 
 S = TypeVar("S", bound=Fields)
@@ -83,7 +83,7 @@ class Registry(Mapping[str, str], Generic[S]):
         if self.is_path(name) or name in self.built_in:
             return
         if name not in self and (advice := self._advice(name)):
-            raise UprightError(f"{self.kind} is {name!r}; {advice}")
+            raise UprightError(f"{self.kind} is {said(name)}; {advice}")
         require_one_of(self.kind, name, [*self, "module:name"] if self._custom else self)
 
     def is_path(self, name: str) -> bool:

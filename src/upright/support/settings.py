@@ -13,7 +13,7 @@ from dataclasses import fields, is_dataclass, replace
 from itertools import pairwise, product
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from upright.errors import UprightError, require_one_of
+from upright.errors import UprightError, require, require_one_of, said
 from upright.support.numbers import whole_number
 
 
@@ -21,7 +21,8 @@ class Fields(Protocol):
     """Any dataclass.
 
     Its class attribute `RENAMED`, if any, maps former names of settings to present ones; `ADDED`
-    has the names of those that files of earlier versions lack, and that have their default there.
+    has the names of those that files of earlier versions lack, and that have their default there;
+    `RANGES` the smallest and the largest value of numbers, by name.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -34,6 +35,23 @@ T = TypeVar("T")
 def values_of(settings: Fields) -> dict[str, Any]:
     """Return the values of settings as a dictionary."""
     return {field.name: getattr(settings, field.name) for field in fields(settings)}
+
+
+def require_ranges(settings: Fields) -> None:
+    """Raise UprightError unless each number is within the settings' `RANGES`."""
+    for field in fields(settings):
+        if field.name in ranges_of(settings):
+            low, high = ranges_of(settings)[field.name]
+            whole = isinstance(field.default, int)
+            require(field.name, getattr(settings, field.name), low, high, whole=whole)
+
+
+def ranges_of(settings: Fields) -> Mapping[str, tuple[float, float]]:
+    """Return the smallest and the largest value of numbers, by name; of all classes inherited."""
+    found: dict[str, tuple[float, float]] = {}
+    for kind in reversed(type(settings).__mro__):
+        found |= vars(kind).get("RANGES", {})
+    return found
 
 
 def renamed(settings: Fields) -> dict[str, str]:
@@ -239,7 +257,7 @@ def numbers_in(name: str, text: str) -> list[str]:
 
 def _numbers_of_range(name: str, text: str) -> list[str]:
     def wrong(why: str) -> UprightError:
-        return UprightError(f"{name} is {text!r}; {why}")
+        return UprightError(f"{name} is {said(text)}; {why}")
 
     fields = [field.strip() for field in text.split(":")]
     is_log = fields[3:] == ["log"]
@@ -301,13 +319,13 @@ def pairs(option: str, changes: Iterable[str]) -> Iterator[tuple[str, str]]:
     for change in changes:
         if len(change) > LONGEST:
             why = f"it has {len(change):,} characters; at most {LONGEST:,} are allowed"
-            raise UprightError(f"{option} is {_quoted(change)}; {why}")
+            raise UprightError(f"{option} is {said(change)}; {why}")
         name, sign, value = change.partition("=")
         if not sign:
-            raise UprightError(f"{option} is {change!r}; it must be NAME=VALUE")
+            raise UprightError(f"{option} is {said(change)}; it must be NAME=VALUE")
         name = name.strip().replace("-", "_")
         if name in given:
-            raise UprightError(f"{option} is {change!r}; {name} is given twice")
+            raise UprightError(f"{option} is {said(change)}; {name} is given twice")
         given.add(name)
         yield name, value.strip()
 
@@ -324,11 +342,11 @@ def _parse(name: str, text: str, present: object) -> object:
     try:
         value = float(text) if isinstance(present, float) else _literal(text)
     except (ValueError, SyntaxError):
-        raise UprightError(f"{name} is {_quoted(text)}; it must be like {present!r}") from None
+        raise UprightError(f"{name} is {said(text)}; it must be like {present!r}") from None
     if isinstance(present, tuple) and isinstance(value, (int, float)):
         value = (value,)
     if not _is_like(present, value):
-        raise UprightError(f"{name} is {_quoted(text)}; it must be like {present!r}")
+        raise UprightError(f"{name} is {said(text)}; it must be like {present!r}")
     return value
 
 
@@ -346,11 +364,6 @@ def _literal(text: str) -> Any:
         raise ValueError from None
 
 
-def _quoted(text: str) -> str:
-    """Return a text in quotes, without its middle if it is long."""
-    return repr(text if len(text) <= 100 else f"{text[:50]} … {text[-50:]}")
-
-
 def _is_like(present: object, value: object) -> bool:
     """Whether a value is of the present one's kind; an int is accepted as a float."""
     return type(value) is type(present) or (type(value) is int and isinstance(present, float))
@@ -359,15 +372,21 @@ def _is_like(present: object, value: object) -> bool:
 def describe_settings(settings: Any) -> dict[str, str]:
     """Return the text that documents each field of a dataclass or NamedTuple, or of its class."""
     kind = settings if isinstance(settings, type) else type(settings)
-    (definition,) = ast.parse(inspect.getsource(kind)).body
-    assert isinstance(definition, ast.ClassDef)
     names: Any = kind
     own = {field.name for field in fields(kind)} if is_dataclass(kind) else set(names._fields)
-    lines = {}
+    lines: dict[str, str] = {}
+    for each in reversed(kind.__mro__):
+        if is_dataclass(each) or each is kind:
+            lines |= {name: text for name, text in _documented(each) if name in own}
+    return lines
+
+
+def _documented(kind: type) -> Iterator[tuple[str, str]]:
+    """Yield the fields that a class itself defines, each with the text below it."""
+    (definition,) = ast.parse(inspect.getsource(kind)).body
+    assert isinstance(definition, ast.ClassDef)
     for field, text in zip(definition.body, definition.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
             assert isinstance(field.target, ast.Name)
             assert isinstance(text.value, ast.Constant)
-            if field.target.id in own:
-                lines[field.target.id] = " ".join(str(text.value.value).split())
-    return lines
+            yield field.target.id, " ".join(str(text.value.value).split())

@@ -15,10 +15,9 @@ from upright.core.task import Task
 from upright.plants.equations import equations
 from upright.policies.policy import Policy
 from upright.reports.names import agent_name, noise_name
-from upright.reports.plots.style import INK, WIDTH, entitle, mark_limits, styled
+from upright.reports.plots.style import INK, WIDTH, entitle, in_lines, mark_limits, styled
 from upright.studies.playing import case_for, record
 from upright.studies.run import make_plant
-from upright.support.terminal import visible
 
 PORTRAIT_STEPS = 500
 """Number of steps in a phase portrait: 10 seconds."""
@@ -113,7 +112,7 @@ def plot_phases(policy: Policy) -> Figure:
     figure.colorbar(line, ax=list(panels), label="time [s]", pad=0.02, aspect=30)
     title = f"{agent_name(policy.agent)}, {noise_name(policy.learned_on.noise)}"
     ending = "balanced for" if len(states) > task.steps else "fallen after"
-    title = visible(f"{title}: {ending} {seconds[-1]:.3g} s")
+    title = in_lines(f"{title}: {ending} {seconds[-1]:.3g} s", int(WIDTH / 0.09))
     figure.suptitle(title, x=0.01, ha="left")
     learned = f"policy of seed {policy.seed}, run {policy.run}"
     for axes, body, note in zip(panels, bodies, (learned, ""), strict=True):

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from itertools import cycle
 from pathlib import Path
 from textwrap import fill
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter
 
 from upright.core.trials import Result
@@ -31,6 +33,8 @@ UNDATED = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 """Leaves the time out of pictures, so that the same runs give the same file."""
 WIDTH = 8.3
 """Width of a full picture [inch]; the width of a page of documents, where 10 points can be read."""
+LINES_OF_TEXT = 8
+"""Most lines of a text; more would leave no room for what is drawn."""
 LETTER = 0.0745
 """Width of a letter of a title [inch]."""
 PIXELS = 200
@@ -235,8 +239,21 @@ def number_axis(axis: Axis, low: float, high: float, *, logarithmic: bool, most:
 
 
 def in_lines(text: str, width: int) -> str:
-    """Return a text in lines of at most this many characters, each of which can be seen."""
-    return fill(visible(text), width)
+    """Return a text in lines of at most this many characters, each of which can be seen.
+
+    A sign that the font lacks becomes its code, and of a very long text the beginning is shown.
+    """
+    shown = "".join(
+        sign if _has(sign) else sign.encode("ascii", "backslashreplace").decode()
+        for sign in visible(text[: 2 * width * LINES_OF_TEXT])
+    )
+    return fill(shown, width, max_lines=LINES_OF_TEXT, placeholder=" …")
+
+
+@cache
+def _has(sign: str) -> bool:
+    """Whether the font of pictures has a sign."""
+    return get_font(findfont(STYLE["font.family"])).get_char_index(ord(sign)) > 0
 
 
 def entitle(axes: Axes, title: str, subtitle: Iterable[str] = (), beside: float = 0.0) -> None:
@@ -303,7 +320,8 @@ def place_legend(
     texts = [in_lines(label, 60) for label in labels]
     longest = max(len(text) for text in texts)
     columns = max(1, min(len(texts), int(figure.get_figwidth() / (0.65 + 0.078 * longest))))
-    figure.set_figheight(figure.get_figheight() + 0.2 * (1 + -(-len(texts) // columns)))
+    lines = sum(text.count("\n") + 1 for text in texts)
+    figure.set_figheight(figure.get_figheight() + 0.2 * (1 + -(-lines // columns)))
     figure.legend(handles, texts, loc="outside lower center", ncols=columns)
 
 
