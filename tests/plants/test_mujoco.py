@@ -29,7 +29,7 @@ from upright.core.parameters import Parameters, State
 from upright.core.trials import run
 from upright.errors import UprightError
 from upright.plants.equations import equations
-from upright.plants.mujoco import INTEGRATORS, Mujoco
+from upright.plants.mujoco import INTEGRATORS, Mujoco, _warn
 from upright.studies.case import make_case
 from upright.studies.playing import Player
 from upright.studies.run import make_run
@@ -229,6 +229,19 @@ def test_a_state_of_nan_stays_fallen():
     plant = Mujoco().plant()
     assert plant.has_fallen(plant.reset(State(math.nan, 0.0, 0.0, 0.0)))
     assert plant.has_fallen(plant.step(0.0))
+
+
+def test_a_warning_goes_to_standard_error_and_into_no_file(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    _warn.cache_clear()
+    for _ in range(2):
+        plant = Mujoco().plant()
+        plant.reset(State(1e300, 0.0, 0.0, 0.0))
+        plant.step(0.0)
+    assert not [*tmp_path.iterdir()]
+    error = capfd.readouterr().err
+    assert error.startswith("upright: MuJoCo warns: Nan, Inf or huge value in QPOS at DOF 0. ")
+    assert error.count("QPOS") == 1
 
 
 # ------------------------------------------------------------------------------ more than one

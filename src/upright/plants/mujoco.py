@@ -7,13 +7,14 @@ the physics is the same. A URDF or MJCF of the user's own can take the place of 
 
 The plant is compiled as the equations are: the compiled loop calls MuJoCo's C functions by address,
 and reads and writes the state in MuJoCo's memory. MuJoCo's own reset of diverged simulations is
-disabled: a diverged state counts as fallen, and MuJoCo writes a warning to standard error and to
-MUJOCO_LOG.TXT.
+disabled: a diverged state counts as fallen, and MuJoCo's warning goes to standard error.
 """
 
 import ctypes
 import math
+import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
@@ -40,6 +41,7 @@ from upright.plants.settings import (
     refuse_breakaway,
 )
 from upright.plants.urdf import text
+from upright.support.terminal import visible
 
 INTEGRATORS = ("euler", "implicit", "implicitfast", "rk4")
 """MuJoCo's names of its integrators."""
@@ -211,7 +213,16 @@ def _published_model(mujoco: Any, parameters: Parameters) -> Any:
 
 
 def _mujoco() -> Any:
-    return require_module("mujoco", "this plant needs MuJoCo", "mujoco")
+    mujoco = require_module("mujoco", "this plant needs MuJoCo", "mujoco")
+    if mujoco.get_mju_user_warning() is None:  # it would write MUJOCO_LOG.TXT
+        mujoco.set_mju_user_warning(_warn)
+    return mujoco
+
+
+@cache
+def _warn(text: str) -> None:
+    """Show a warning of MuJoCo, once."""
+    print(f"upright: MuJoCo warns: {visible(text)}", file=sys.stderr)
 
 
 def _library(folder: Path) -> ctypes.CDLL:
