@@ -3,10 +3,11 @@
 import os
 import sys
 import time
+from functools import partial
 from statistics import median
 
 import numpy as np
-from ros2 import REAL_TIME, agent_alone, learn, rates
+from ros2 import CONDITIONS, ROUND_TRIPS, agent_alone, learn, measured, table
 from speed import machine, make_parser, put
 
 from upright.core.parameters import Parameters, State
@@ -18,6 +19,7 @@ from upright.plants.settings import count_steps
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 
+OVER_ROS = "DART, 1 ms, over ROS 2"
 ENGINES = {"DART, 1 ms": Gazebo(), "ODE, 1 ms": Gazebo("ode"), "DART, 2 ms": Gazebo("dart", 0.002)}
 
 
@@ -55,25 +57,30 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="runs each (default 3)")
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    lines = ["| | control steps per second | times real time |", "|---|---|---|"]
-    results = {
-        name: learn_directly(settings, arguments.steps, arguments.rounds)
-        for name, settings in ENGINES.items()
-    }
-    results["DART, 1 ms, over ROS 2"] = learn(arguments.steps, arguments.rounds, "gazebo")
-    for name, runs in results.items():
-        rate = median(rates(runs))
-        lines.append(f"| {name} | {rate:,.0f} | {rate / REAL_TIME:.0f} |")
-    total = 1e6 / median(rates(results["DART, 1 ms"]))
+    found = {}
+    for condition, load in CONDITIONS.items():
+        for name, settings in ENGINES.items():
+            with load():
+                make = partial(learn_directly, settings, arguments.steps, arguments.rounds)
+                found[name, condition] = measured(make)
+        with load():
+            make = partial(learn, arguments.steps, arguments.rounds, "gazebo")
+            found[OVER_ROS, condition] = measured(make)
+    total, over_ros = (1e6 / found[name, "quiet"].rate for name in ("DART, 1 ms", OVER_ROS))
     physics, agent = physics_alone(Gazebo()), agent_alone()
     rest = total - physics - agent
     text = (
-        "\n".join(lines) + f"\n\nOf the {total:.0f} µs of a control step with DART at 1 ms, "
-        f"Gazebo's 20 physics steps take {physics:.0f} µs, the agent and the loop {agent:.0f} µs, "
-        f"and the socket and waking the processes {rest:.0f} µs.\n\n"
+        f"{table(found, 'engine and time step')}\n\n"
+        f"Of the {total:.0f} µs of a control step with DART at 1 ms, Gazebo's 20 physics steps "
+        f"take {physics:.0f} µs, the agent and the loop {agent:.0f} µs, "
+        f"and the socket and waking the processes {rest:.0f} µs. Over ROS 2, a control step takes "
+        f"{over_ros:.0f} µs: {physics / over_ros:.0%} for the physics, {agent / over_ros:.0%} for "
+        f"the agent and the loop, {rest / over_ros:.0%} for the socket, and the remaining "
+        f"{(over_ros - total) / over_ros:.0%} for two messages, that is for DDS, rclpy and three "
+        "processes that wake each other.\n\n"
         f"The agent is `reinforce` with default settings, noise-free, N = {arguments.steps:,}. "
         f"Rates are medians of {arguments.rounds} runs and include learning. The simulator is "
-        f"Gazebo {find_gazebo().version}.\n"
+        f"Gazebo {find_gazebo().version}. {ROUND_TRIPS}\n"
         f"{machine()}.\n"
     )
     put(text, arguments.output)

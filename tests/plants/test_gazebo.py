@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -17,7 +18,7 @@ from matplotlib.image import imread
 from upright.commands import run
 from upright.core.parameters import Parameters, State
 from upright.errors import UprightError
-from upright.plants.gazebo import server
+from upright.plants.gazebo import server, window
 from upright.plants.gazebo.plant import Gazebo
 from upright.studies.case import make_case
 from upright.studies.run import make_run
@@ -103,6 +104,18 @@ def test_it_moves_like_the_equations(settings, tolerance, parameters, make):
     for forces in PUSHES.values():
         error = np.abs(trajectory(plant, forces) - trajectory(exact, forces)).max()
         assert error < tolerance
+
+
+@pytest.mark.parametrize("engine", ["dart", "ode"])
+def test_a_reset_leaves_nothing_of_earlier_trials(engine, make):
+    """Exactly: a fresh server and one after falls go the same way."""
+    plant = make(Gazebo(engine))
+    fresh = trajectory(plant, PUSHES["bang-bang"])
+    for number in range(4):
+        plant.reset(State(0.0, 0.0, 0.05 * number, 0.0))
+        for step in range(60 + 17 * number):  # far beyond the limits
+            plant.step(10.0 if step % 3 else -10.0)
+        assert np.array_equal(trajectory(plant, PUSHES["bang-bang"]), fresh)
 
 
 def test_a_push_may_exceed_that_of_a_command(make):
@@ -225,10 +238,21 @@ def test_no_server_outlives_its_learner(number, learner):
 # ---- Its window ----------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(not shutil.which("Xvfb"), reason="Xvfb is not installed")
-def test_a_picture_shows_cart_and_pole(tmp_path, capsys):
-    policy, picture = str(tmp_path / "policy.npz"), tmp_path / "gazebo.png"
-    assert run(["learn", "adaptive-lqr", "--quiet", "--save", policy]) == 0
+@pytest.fixture(scope="module")
+def policy(tmp_path_factory):
+    path = str(tmp_path_factory.mktemp("policy") / "policy.npz")
+    assert run(["learn", "adaptive-lqr", "--quiet", "--save", path]) == 0
+    return path
+
+
+needs_xvfb = pytest.mark.skipif(not shutil.which("Xvfb"), reason="Xvfb is not installed")
+HIDE_QT = "for folder in /usr/lib/*/qt5; do mount -t tmpfs none $folder; done; exec "
+"""For a shell with mounts of its own: the Qt of the machine is gone."""
+
+
+@needs_xvfb
+def test_a_picture_shows_cart_and_pole(policy, tmp_path, capsys):
+    picture = tmp_path / "gazebo.png"
     view = ["gazebo", "view", policy, "--screenshot", str(picture)]
     assert 0 in (run(view) for _ in range(2))  # Gazebo's window sometimes stays empty
     assert f"picture: {picture}" in capsys.readouterr().out
@@ -238,10 +262,50 @@ def test_a_picture_shows_cart_and_pole(tmp_path, capsys):
     assert not running("gzclient")
 
 
-def test_without_a_display_there_is_no_window(tmp_path, monkeypatch, capsys):
+@needs_xvfb
+def test_the_window_needs_no_qt_of_the_machine(policy, tmp_path, monkeypatch):
+    """Nor is it led astray by the user's."""
+    if subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode:
+        pytest.skip("this user may not mount: the machine's Qt cannot be hidden")
+    for name in ("QT_PLUGIN_PATH", "QT_QPA_PLATFORM_PLUGIN_PATH"):
+        monkeypatch.setenv(name, "/nowhere")
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    view = ["gazebo", "view", policy, "--screenshot", str(tmp_path / "gazebo.png")]
+    command = ["unshare", "--mount", "sh", "-c", HIDE_QT + shlex.join([*COMMAND, *view])]
+    found = [subprocess.run(command, capture_output=True, timeout=LIMIT) for _ in range(2)]
+    assert 0 in [done.returncode for done in found], found[0].stderr
+
+
+@needs_xvfb
+def test_a_window_that_fails_says_why_and_is_not_waited_for(policy, tmp_path, monkeypatch, capsys):
+    gazebo = server.find_gazebo()
+    without = gazebo.environment | {"QT_QPA_PLATFORM": "nonsense"}
+    monkeypatch.setattr(server, "find_gazebo", lambda: gazebo._replace(environment=without))
+    picture = tmp_path / "gazebo.png"
+    began = time.monotonic()
+    assert run(["gazebo", "view", policy, "--screenshot", str(picture)]) == BAD_USE
+    assert time.monotonic() - began < window.WINDOW / 2
+    (told,) = capsys.readouterr().err.splitlines()
+    assert "Gazebo's window ended with status -6: " in told
+    assert not picture.exists()
+
+
+def test_a_picture_is_of_a_cart_and_a_pole():
+    black = np.zeros((720, 1280, 3), np.uint8)
+    cart = black.copy()
+    cart[400:450, 600:700] = (30, 90, 160)
+    both = cart.copy()
+    both[300:400, 640:645] = (190, 90, 30)
+    assert [window._shows_cart_pole(each) for each in (black, cart, both)] == [False, False, True]
+
+
+def test_without_a_display_there_is_no_window(policy, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    policy = str(tmp_path / "policy.npz")
-    assert run(["learn", "adaptive-lqr", "--quiet", "--save", policy]) == 0
     assert run(["gazebo", "view", policy]) == BAD_USE
     assert "there is no display" in capsys.readouterr().err
+
+
+def test_a_picture_is_a_png(capsys):
+    assert run(["gazebo", "view", "policy.npz", "--screenshot", "a.txt"]) == BAD_USE
+    assert "'a.txt' is '.txt'; it must be one of .png" in capsys.readouterr().err

@@ -1,10 +1,15 @@
-"""Play a saved policy in Gazebo's window, in real time."""
+"""Play a saved policy in Gazebo's window, in real time.
+
+If you close the window, the trial goes on without it; Ctrl-C stops it.
+"""
 
 import argparse
+from pathlib import Path
 
 from upright.commands.options import add, add_task_options, task_of
 from upright.commands.parser import WRITTEN, Parser
 from upright.commands.showing import tell_file
+from upright.errors import require_one_of
 from upright.support.exit_status import FAILED
 
 EXAMPLES = """\
@@ -49,6 +54,9 @@ def run(options: argparse.Namespace) -> int:
     from upright.support.files import check_output
 
     check_study(1, options.seed)
+    if options.screenshot:
+        ending = Path(options.screenshot).suffix
+        require_one_of(f"the ending of {options.screenshot!r}", ending, [".png"])
     policy = load_policy(options.policy, options.agent)
     plant = Gazebo(gui=True, real_time_factor=1.0)
     case = case_for(policy, plant=plant, **task_of(options))

@@ -202,6 +202,10 @@ def environment(prefix: Path | None, plugins: Path | None) -> dict[str, str]:
         "LIBGL_DRIVERS_PATH": str(libraries / "dri"),
         "FONTCONFIG_SYSROOT": str(prefix),
         "XKB_CONFIG_ROOT": str(usr / "share/X11/xkb"),
+        # The machine may have no Qt 5, or another one; the user's variables may lead to a third.
+        "QT_PLUGIN_PATH": str(libraries / "qt5/plugins"),
+        "QT_QPA_PLATFORM_PLUGIN_PATH": str(libraries / "qt5/plugins/platforms"),
+        "QT_QPA_PLATFORM": "xcb",
     }
 
 

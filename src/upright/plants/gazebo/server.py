@@ -5,6 +5,7 @@ import re
 import socket
 import struct
 import subprocess
+import sys
 import time
 from contextlib import ExitStack, suppress
 from itertools import count
@@ -95,7 +96,7 @@ class Server:
             listener.listen(1)
             listener.settimeout(POLL)
             world = write_world(folder, parameters, engine, physics_step)
-            self._log = folder / "log.txt"
+            self._folder, self._window = folder, None
             self._environment = _environment(gazebo.environment, folder)
             # Otherwise each physics step wakes a thread that publishes contacts to no subscriber.
             quiet = [] if gui else ["--minimal_comms"]
@@ -104,7 +105,8 @@ class Server:
             self._socket = opened.enter_context(self._accept(listener, stop))
             self._socket.settimeout(ANSWERING)
             if gui:
-                opened.callback(_end, self._start([str(gazebo.client)]))
+                self._window = self._start([str(gazebo.client), "--verbose"])
+                opened.callback(_end, self._window)
             self._closing = opened.pop_all()
 
     def ask(self, kind: int, steps: int, values: State) -> State:
@@ -123,7 +125,11 @@ class Server:
         ------
         ServerGoneError
             If the server has exited, or does not answer.
+        UprightError
+            If its window has failed.
         """
+        if self._window is not None and self._window.poll() is not None:
+            self._notice_closed_window(self._window.returncode)
         try:
             self._socket.sendall(REQUEST.pack(kind, steps, *values))
             answer = self._socket.recv(ANSWER.size, socket.MSG_WAITALL)
@@ -137,9 +143,21 @@ class Server:
         """Terminate the server, and remove its files."""
         self._closing.close()
 
+    def _notice_closed_window(self, status: int) -> None:
+        """Go on without the window if it was closed; raise UprightError if it has failed."""
+        self._window = None
+        if status != 0:
+            raise UprightError(
+                f"Gazebo's window ended with status {status}{self._last_words('gzclient')}"
+            )
+        print("upright: Gazebo's window is closed; the run goes on without it", file=sys.stderr)
+
+    def _log(self, program: str) -> Path:
+        return self._folder / f"{program}.txt"
+
     def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
         """Start a program in its own session, so that Ctrl-C reaches only this program."""
-        with self._log.open("ab") as log:
+        with self._log(Path(command[0]).name).open("ab") as log:
             return subprocess.Popen(
                 ending_with_us(command),
                 env=self._environment,
@@ -158,12 +176,15 @@ class Server:
             if stop[0]:
                 raise Stopped
             if self._process.poll() is not None:
-                raise UprightError(f"gzserver exited while starting{self._last_words()}")
-        raise UprightError(f"gzserver did not start within {STARTING:g} s{self._last_words()}")
+                raise UprightError(f"gzserver exited while starting{self._last_words('gzserver')}")
+        raise UprightError(
+            f"gzserver did not start within {STARTING:g} s{self._last_words('gzserver')}"
+        )
 
-    def _last_words(self) -> str:
-        """Return the last error in the log, or else its last line."""
-        text = re.sub(r"\x1b\[[0-9;]*m", "", self._log.read_text(errors="replace"))  # colours
+    def _last_words(self, program: str) -> str:
+        """Return the last error in a program's log, or else its last line."""
+        log = self._log(program).read_text(errors="replace")
+        text = re.sub(r"\x1b\[[0-9;]*m", "", log)  # colours
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         errors = [line for line in lines if "[Err]" in line or "rror" in line]
         return "".join(f": {line}" for line in (errors or lines)[-1:])

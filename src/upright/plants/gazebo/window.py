@@ -1,6 +1,7 @@
 """Takes pictures of Gazebo's window on a machine without a display."""
 
 import io
+import math
 import os
 import shutil
 import struct
@@ -26,9 +27,10 @@ SIZE = (1280, 720)
 WINDOW = 60.0
 """How long Gazebo's window may take to show the cart-pole [s]."""
 SETTLED = 2.0
-"""Delay from then until the picture is taken [s]."""
-COLOURFUL = 1_000
-"""Bright pixels by which the cart-pole is recognised; Gazebo's window without it has fewer."""
+"""How long it must be shown before the picture is taken [s]."""
+CART, POLE, DIFFERENCE = 1_000, 300, 76
+"""Pixels by which the blue cart and the red pole are recognised, and how much more of their own
+colour than of the other they have."""
 
 
 def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
@@ -60,17 +62,25 @@ def photograph(play: Callable[[np.ndarray], None], path: Path | str) -> None:
 
 
 def _wait_for_picture(screen: Path, playing: Future[Any]) -> np.ndarray:
-    """Return the pixels of the screen once the cart-pole is shown."""
-    until = time.monotonic() + WINDOW
+    """Return the pixels of the screen once they show the cart-pole for a while."""
+    until, since = time.monotonic() + WINDOW, math.inf
     while time.monotonic() < until and not playing.done():
-        pixels = _read_dump(screen.read_bytes()).astype(np.int16)
-        if (np.ptp(pixels, axis=2) > 80).sum() > COLOURFUL:
-            time.sleep(SETTLED)
-            return _read_dump(screen.read_bytes())
+        pixels = _read_dump(screen.read_bytes())
+        if not _shows_cart_pole(pixels):
+            since = math.inf
+        elif time.monotonic() - since >= SETTLED:
+            return pixels
+        else:
+            since = min(since, time.monotonic())
         time.sleep(0.2)
     if playing.done():
         playing.result()  # raises what went wrong
     raise UprightError("Gazebo's window did not show the cart-pole in time")
+
+
+def _shows_cart_pole(pixels: np.ndarray) -> bool:
+    red, _, blue = np.moveaxis(pixels.astype(np.int16), 2, 0)
+    return bool((blue - red > DIFFERENCE).sum() > CART and (red - blue > DIFFERENCE).sum() > POLE)
 
 
 @contextmanager

@@ -102,29 +102,51 @@ private:
     hinge_ = model->GetJoint("hinge");
     // Noise may push beyond the greatest force of a command.
     slider_->SetEffortLimit(0, -1.0);
+    is_ode_ = world_->Physics()->GetType() == "ode";
+    if (is_ode_)
+    {
+      track_ = slider_->GetParent()->WorldPose();
+      cart_ = slider_->GetChild()->WorldPose();
+      pole_ = hinge_->GetChild()->WorldPose();
+      anchor_ = hinge_->Anchor(0);
+      // Otherwise the solver begins with the forces of the last step, also after a reset.
+      world_->Physics()->SetParam("warm_start_factor", 0.0);
+    }
   }
 
   void set_state(const double (&state)[4])
   {
     const auto [x, x_dot, theta, theta_dot] = state;
-    slider_->SetPosition(0, x);
-    hinge_->SetPosition(0, theta);
-    if (world_->Physics()->GetType() == "ode")
-    {
-      // ODE keeps velocities of links, not of joints: those of their centres of mass.
-      const auto pole = hinge_->GetChild();
-      const double arm = pole->GetInertial()->CoG().Length();
-      slider_->GetChild()->SetWorldTwist({x_dot, 0, 0}, {0, 0, 0});
-      const double along = x_dot + theta_dot * arm * std::cos(theta);
-      pole->SetWorldTwist({along, 0, -theta_dot * arm * std::sin(theta)}, {0, theta_dot, 0});
-    }
+    if (is_ode_)
+      place(x, x_dot, theta, theta_dot);
     else
     {
+      slider_->SetPosition(0, x);
+      hinge_->SetPosition(0, theta);
       slider_->SetVelocity(0, x_dot);
       hinge_->SetVelocity(0, theta_dot);
     }
     // After a fall ODE's angle may be whole turns off.
     turns_ = 2 * M_PI * std::round((hinge_->Position(0) - theta) / (2 * M_PI));
+  }
+
+  /// Place the links, as ODE keeps their poses and velocities, not those of joints. Its joints let
+  /// links drift apart a little, which moving a joint would leave as it is.
+  void place(double x, double x_dot, double theta, double theta_dot)
+  {
+    const auto track = slider_->GetParent(), cart = slider_->GetChild(), pole = hinge_->GetChild();
+    const ignition::math::Vector3d along(x, 0, 0);
+    const ignition::math::Quaterniond lean(ignition::math::Vector3d::UnitY, theta);
+    for (const auto &link : {track, cart, pole})
+      link->ResetPhysicsStates();
+    track->SetWorldPose(track_);
+    cart->SetWorldPose({cart_.Pos() + along, cart_.Rot()});
+    pole->SetWorldPose({anchor_ + along + lean * (pole_.Pos() - anchor_), lean * pole_.Rot()});
+    // Velocities are those of centres of mass.
+    const double arm = pole->GetInertial()->CoG().Length();
+    cart->SetWorldTwist({x_dot, 0, 0}, {0, 0, 0});
+    const double across = x_dot + theta_dot * arm * std::cos(theta);
+    pole->SetWorldTwist({across, 0, -theta_dot * arm * std::sin(theta)}, {0, theta_dot, 0});
   }
 
   void answer()
@@ -171,6 +193,9 @@ private:
 
   gazebo::physics::WorldPtr world_;
   gazebo::physics::JointPtr slider_, hinge_;
+  ignition::math::Pose3d track_, cart_, pole_;  // where the links are with both joints at 0
+  ignition::math::Vector3d anchor_;     // where the hinge is then
+  bool is_ode_ = false;
   gazebo::event::ConnectionPtr begins_, ends_[2];
   std::atomic<bool> stopping_{false};
   int socket_ = -1;
