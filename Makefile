@@ -44,8 +44,10 @@ lint: .venv/developed
 	$(BIN)/mypy
 	$(BIN)/mh_lint --brief matlab benchmarks
 
-# A worker on each core, then alone what balances by the wall clock.
+# A worker on each core, then alone what balances by the wall clock. Tests start hundreds of programs,
+# which find their bytecode even where PYTHONDONTWRITEBYTECODE is set.
 test: lint
+	$(BIN)/python -m compileall -q src
 	$(BIN)/pytest --numprocesses auto -m "not timing"
 	$(BIN)/pytest -m timing $$(grep -rl --include=*.py mark.timing tests)
 

@@ -3,16 +3,21 @@
 In lock-step, an agent learns on a simulator in another process until a trial succeeds; it must make
 the same trials as on the equations without ROS 2. In real time, a policy pushes 50 times a second,
 and the simulator measures how late periods end and commands arrive.
+
+Rates depend on what else the machine does. So they are measured on a quiet machine and with all of
+its cores busy, and beside each rate stands its ratio to a fixed piece of work in the same run.
 """
 
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from statistics import median
 from typing import Any, NamedTuple
@@ -35,6 +40,7 @@ from upright.plants.urdf import HINGE, SLIDER
 from upright.studies.case import make_case
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import make_run
+from upright.support.processes import share_core
 
 COMMAND = [sys.executable, "-m", "upright"]
 REAL_TIME = 1 / Parameters().time_step
@@ -51,9 +57,81 @@ def simulator(*options: str) -> Iterator[list[str]]:
         assert process.stdout
         if not process.stdout.readline():
             raise SystemExit(process.communicate()[1])
-        yield log
-        process.terminate()
-        log.append(process.communicate()[1])
+        try:
+            yield log
+        finally:
+            process.terminate()
+            log.append(process.communicate()[1])
+
+
+@contextmanager
+def busy_cores() -> Iterator[None]:
+    """Keep every core busy with a process of its own within the block."""
+    loop, processes = [sys.executable, "-c", "while True: pass"], []
+    for number in range(os.cpu_count() or 1):
+        with share_core(number):  # or they would all move to a core that is less busy
+            processes.append(subprocess.Popen(loop))
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+CONDITIONS: dict[str, Callable[[], AbstractContextManager[None]]] = {
+    "quiet": nullcontext,
+    "every core busy": busy_cores,
+}
+"""What else the machine does meanwhile."""
+
+
+def round_trip(repetitions: int = 5_000) -> float:
+    """Return how long two processes on one core take to wake each other by a socket [µs].
+
+    It is the fixed piece of work: the least that a control step in another process takes.
+    """
+    here, there = socket.socketpair()
+    with here, there, share_core(0):
+        child = os.fork()
+        if child == 0:
+            while there.recv(32):
+                there.send(bytes(32))
+            os._exit(0)
+
+        def ask() -> None:
+            here.send(bytes(32))
+            here.recv(32)
+
+        time_of_one = alone(ask, repetitions)
+        here.shutdown(socket.SHUT_WR)
+        there.close()
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    return time_of_one
+
+
+class Measured(NamedTuple):
+    """Runs of one simulator under one condition."""
+
+    results: list[Result]
+    round_trip: float
+    """How long the fixed piece of work took just before [µs]."""
+
+    @property
+    def rate(self) -> float:
+        """Control steps per second."""
+        return median(rates(self.results))
+
+    @property
+    def ratio(self) -> float:
+        """How many fixed pieces of work a control step takes."""
+        return 1e6 / self.rate / self.round_trip
+
+
+def measured(make: Callable[[], list[Result]]) -> Measured:
+    """Return what `make` makes, and how long the fixed piece of work takes now."""
+    return Measured(round_trip=round_trip(), results=make())
 
 
 def learn(steps: int, rounds: int, plant: str) -> list[Result]:
@@ -74,17 +152,25 @@ def learn(steps: int, rounds: int, plant: str) -> list[Result]:
     return results
 
 
-def lock_step(results: dict[str, list[Result]]) -> str:
-    """Return a table of rates and durations of learning, by the simulator's plant."""
+def table(found: dict[tuple[str, str], Measured], head: str) -> str:
+    """Return a table of rates, by what was measured and under which condition."""
     lines = [
-        "| the simulator's plant | control steps per second | times real time | time per run |",
-        "|---|---|---|---|",
+        f"| {head} | machine | control steps per second | times real time | round trips per step |",
+        "|---|---|---|---|---|",
     ]
-    for plant, runs in results.items():
-        rate = median(rates(runs))
-        seconds = median(result.seconds for result in runs)
-        lines.append(f"| {plant} | {rate:,.0f} | {rate / REAL_TIME:.0f} | {seconds:.1f} s |")
+    for (name, condition), each in found.items():
+        lines.append(
+            f"| {name} | {condition} | {each.rate:,.0f} | {each.rate / REAL_TIME:.0f} | "
+            f"{each.ratio:.1f} |"
+        )
     return "\n".join(lines)
+
+
+PLANT = "the simulator's plant"
+ROUND_TRIPS = (
+    "A round trip is the fixed piece of work: two processes on one core wake each other by a "
+    "socket, measured under the same condition in the same run."
+)
 
 
 def rates(runs: list[Result]) -> list[float]:
@@ -214,16 +300,20 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    results = {
-        plant: learn(arguments.steps, arguments.rounds, plant) for plant in ("equations", "mujoco")
-    }
-    total = 1e6 / median(rates(results["equations"]))
+    found = {}
+    for condition, load in CONDITIONS.items():
+        for plant in ("equations", "mujoco"):
+            with load():
+                make = partial(learn, arguments.steps, arguments.rounds, plant)
+                found[plant, condition] = measured(make)
+    total = 1e6 / found["equations", "quiet"].rate
     text = (
-        f"{lock_step(results)}\n\n{table_of(parts(total))}\n\n{real_time(arguments.periods)}\n\n"
+        f"{table(found, PLANT)}\n\n{table_of(parts(total))}\n\n"
+        f"{real_time(arguments.periods)}\n\n"
         f"The agent is `reinforce` with default settings, noise-free, N = {arguments.steps:,}. "
         f"Rates and times are medians of {arguments.rounds} runs and include learning. The "
-        "learner and the simulator are two processes, and each message passes through DDS.\n"
-        f"{machine()}.\n"
+        "learner and the simulator are two processes, and each message passes through DDS. "
+        f"{ROUND_TRIPS}\n{machine()}.\n"
     )
     put(text, arguments.output)
 

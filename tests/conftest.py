@@ -50,6 +50,9 @@ TESTS = Path(__file__).parent
 FIRST = (
     "nodes/test_ros2.py",
     "agents/test_agents.py",
+    "nodes/test_any_cart.py",
+    "nodes/test_driver.py",
+    "nodes/test_record.py",
     "plants/test_gazebo.py",
     "agents/test_adaptive_lqr.py",
     "test_package.py",

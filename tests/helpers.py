@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -246,13 +247,13 @@ def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 _domains = itertools.count(os.getpid())
 _LOCKS = Path(tempfile.gettempdir())
+RESTS = 30.0
+"""How long a ROS domain is not used again: a killed node still counts in it for 20 s [s]."""
 
 
 @contextmanager
 def ros_domain() -> Iterator[dict[str, str]]:
-    """Claim a ROS domain of this machine that no other process of tests uses meanwhile.
-
-    It is another one each time, as a killed node still counts in its domain for a while.
+    """Claim a ROS domain of this machine that no process of tests uses, or has used just now.
 
     Yields
     ------
@@ -263,12 +264,19 @@ def ros_domain() -> Iterator[dict[str, str]]:
 
     for number in _domains:
         domain = str(1 + number % 100)
-        with open(_LOCKS / f"upright-ros-domain-{domain}", "w") as lock:
+        with open(_LOCKS / f"upright-ros-domain-{domain}", "a+") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
-            yield {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+            lock.seek(0)
+            if time.time() - float(lock.read() or 0) < RESTS:
+                continue
+            try:
+                yield {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+            finally:
+                lock.truncate(0)
+                lock.write(str(time.time()))
             return
 
 

@@ -265,7 +265,7 @@ def test_a_policy_that_was_loaded_can_be_saved_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "extra", ["data", "video", "gymnasium", "mujoco", "notebook", "onnx", "ros2", "tune"]
+    "extra", ["data", "video", "gymnasium", "mujoco", "notebook", "onnx", "record", "ros2", "tune"]
 )
 def test_every_extra_has_a_command_that_names_its_libraries(extra):
     project = tomllib.loads((PACKAGE.parents[1] / "pyproject.toml").read_text())["project"]

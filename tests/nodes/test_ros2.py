@@ -4,13 +4,11 @@ import math
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
-from importlib.util import find_spec
 
 import pytest
-from helpers import ROOT, make_context, make_task, ros_domain
+from helpers import make_context, make_task
+from ros2_helpers import GARBAGE, NODE_MARKS, finish, has_begun, lengths
 
 from upright.commands import run
 from upright.core.parameters import State
@@ -23,156 +21,8 @@ from upright.studies.case import make_case
 from upright.studies.run import make_run
 from upright.support.exit_status import BAD_USE, FAILED, INTERRUPTED
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
-        reason="ROS 2 (rclpy) is not installed: no node is tested",
-    ),
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),  # what rclpy imports does
-]
-COMMAND = [sys.executable, "-m", "upright"]
-EXAMPLE = ROOT / "examples/ros2_cart.py"
-LIMIT = 90
-"""Time limit of every process [s]."""
+pytestmark = NODE_MARKS
 STATE = State(0.1, -0.2, 0.03, 0.4)
-
-
-@pytest.fixture(autouse=True)
-def domain(monkeypatch, tmp_path):
-    """A ROS domain for each test; its number."""
-    with ros_domain() as own:
-        for name, value in (own | {"ROS_LOG_DIR": str(tmp_path)}).items():
-            monkeypatch.setenv(name, value)
-        yield own["ROS_DOMAIN_ID"]
-
-
-@pytest.fixture
-def start():
-    """Return a function that starts commands; their child processes must end with them."""
-    started = []
-
-    def start_one(line, command=COMMAND):
-        process = subprocess.Popen(
-            [*command, *line.split()],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        started.append(process)
-        return process
-
-    yield start_one
-    for process in started:
-        if process.poll() is None:
-            process.kill()
-        process.communicate(timeout=LIMIT)
-    left = [process.args for process in started if not is_gone(process.pid)]
-    assert not left, "something is left over of them"
-
-
-def is_gone(group):
-    """Whether a group of processes has ended; end it if it has not within half a minute."""
-    for _ in range(300):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    os.killpg(group, signal.SIGKILL)
-    return False
-
-
-@pytest.fixture
-def simulate(start):
-    def simulate_with(options=""):
-        process = start(f"ros2 simulate {options}")
-        assert process.stdout.readline().startswith("simulating ")
-        return process
-
-    return simulate_with
-
-
-@pytest.fixture
-def simulator(simulate):
-    return simulate()
-
-
-@pytest.fixture
-def hand(domain):
-    """A node of this process, to send commands and listen by hand."""
-    from upright.plants.ros2.node import new_node
-
-    with new_node("hand", {}, []) as node:
-        yield Hand(node)
-
-
-class Hand:
-    def __init__(self, node):
-        from sensor_msgs.msg import JointState
-        from std_msgs.msg import Float64MultiArray, String
-        from std_srvs.srv import Trigger
-
-        from upright.plants.ros2.node import KEPT, QOS, make_executor
-
-        self.node, self.states, self.words = node, [], []
-        self.message, self.trigger = Float64MultiArray, Trigger.Request
-        self.effort = node.create_publisher(Float64MultiArray, "effort", QOS)
-        node.create_subscription(JointState, "joint_states", self.states.append, QOS)
-        node.create_subscription(String, "status", lambda word: self.words.append(word.data), KEPT)
-        self.reset_service = node.create_client(Trigger, "reset")
-        self.executor = make_executor(node.context)
-        self.executor.add_node(node)
-        self.until(lambda: self.words and self.effort.get_subscription_count())
-        assert self.reset_service.wait_for_service(LIMIT)
-
-    def send_until(self, ready, raw):
-        """Publish bytes on the topic of measurements, again and again, as one may be lost."""
-        from sensor_msgs.msg import JointState
-
-        from upright.plants.ros2.node import QOS
-
-        publisher = self.node.create_publisher(JointState, "joint_states", QOS)
-        self.until(lambda: publisher.publish(raw) or ready())
-
-    def set(self, name, value):
-        """Set a parameter of the simulator, and return its answer."""
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
-
-        client = self.node.create_client(SetParameters, "simulator/set_parameters")
-        assert client.wait_for_service(LIMIT)
-        request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()]
-        )
-        answer = client.call_async(request)
-        self.until(answer.done)
-        return answer.result().results[0]
-
-    def until(self, ready):
-        end = time.monotonic() + LIMIT
-        while not ready() and time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.02)
-        assert ready()
-
-    def reset(self):
-        answer = self.reset_service.call_async(self.trigger())
-        self.until(answer.done)
-        self.until(lambda: self.words[-1] == "Balancing")
-
-    def command(self, *forces):
-        self.effort.publish(self.message(data=forces))
-
-
-def finish(process):
-    out, told = process.communicate(timeout=LIMIT)
-    return process.returncode, out, told
-
-
-def lengths(text):
-    found = re.findall(r"^trial +\d+ +([\d,]+) steps", text, re.MULTILINE)
-    return [int(length.replace(",", "")) for length in found]
 
 
 def make_cart():
@@ -226,6 +76,14 @@ def test_tables_and_policies_know_the_plant(simulator, tmp_path, capsys):
     line = "table --plant ros2 --agents random-search --noises none --runs 2 --steps 100"
     assert run(line.split()) == 0
     assert "random-search (ros2)" in capsys.readouterr().out
+
+
+def test_carts_may_follow_each_other_in_one_process(simulator):
+    """Nothing of the last one is left that would count as another learner."""
+    for number in range(5):
+        cart, _ = make_cart()
+        assert cart.reset(STATE) == STATE, number
+        cart.close()
 
 
 def test_a_learner_learns_where_the_simulator_makes_the_noise(simulate, start, tmp_path):
@@ -295,22 +153,7 @@ def test_the_demonstration_shows_trials(start):
     assert lengths(out)[-1] == 300
 
 
-def test_a_user_written_cart_is_balanced(start):
-    """The example knows neither status nor parameters, and stamps with its own clock."""
-    start(str(EXAMPLE), [sys.executable])
-    line = "ros2 learn adaptive-lqr --steps 150 --trials 20"
-    status, out, told = finish(start(line))
-    assert status == 0, told
-    assert lengths(out)[-1] == 150
-
-
 # ---- What goes wrong -----------------------------------------------------------------------------
-
-
-def has_begun(program):
-    """Whether what a program prints next is the scale of the bars, and the first trial."""
-    lines = [program.stdout.readline() for _ in range(2)]
-    return "logarithmic" in lines[0] and lines[1].startswith("trial    1")
 
 
 def test_without_a_cart_there_is_a_clear_error(start, domain):
@@ -336,13 +179,29 @@ def test_two_carts_are_refused(simulate, start):
         ("learn --policy nowhere.npz", "nowhere.npz"),
         ("demo --start-state 1", "unrecognized arguments"),
         ("demo --plant mujoco --plant-set physics_step=1", "physics_step is 1"),
+        ("learn --seed 99999999999999999999", "seed is 99999999999999999999; it must be"),
+        ("simulate --seed 99999999999999999999", "seed is 99999999999999999999; it must be"),
+        ("learn --ros-args -r x", "ROS 2 reports an error: failed to initialize rcl: Couldn't"),
+        ("learn --ros-args --params-file nowhere.yaml", "Error opening YAML file"),
+        ("simulate --ros-args --no-such", "ROS 2 does not know the arguments ['--no-such']"),
+        ("simulate --ros-args -p use_sim_time:=5", "Trying to set parameter 'use_sim_time'"),
+        (f"learn --ros-args -r effort:={'a' * 300}", "topic length should not exceed"),
     ],
 )
 def test_invalid_settings_are_refused(options, message, start):
     status, _, told = finish(start(f"ros2 {options}"))
     assert status == BAD_USE
-    assert message in told
+    assert message in told.splitlines()[-1]  # ROS 2 may log a line of its own
     assert "Traceback" not in told
+
+
+@pytest.mark.parametrize("number", ["here", "99999"])
+def test_a_domain_that_cannot_be_is_refused(number, start, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    status, _, told = finish(start("ros2 simulate"))
+    assert status == BAD_USE
+    assert "ROS_DOMAIN_ID is " in told
+    assert len(told.splitlines()) == 1
 
 
 class Newer(TaskSpec):
@@ -372,14 +231,6 @@ def test_an_impossible_effort_moves_nothing(forces, simulator, hand):
     hand.until(lambda: hand.states and hand.states[-1].velocity[0] < -0.1)
 
 
-GARBAGE = {
-    "a header alone": b"\0\1\0\0",
-    "a count beyond the end": b"\0\1\0\0" + b"\xff" * 40,
-    "another representation": b"\0\7\0\0" + bytes(40),
-}
-"""What is no message of any of the topics; on the count rclpy would end the process."""
-
-
 def test_bytes_that_are_no_effort_move_nothing(simulator, hand):
     for raw in GARBAGE.values():
         hand.reset()
@@ -391,14 +242,42 @@ def test_bytes_that_are_no_effort_move_nothing(simulator, hand):
     assert simulator.poll() is None
 
 
-def test_bytes_that_are_no_measurement_end_the_learner(simulator, start, hand):
-    learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
-    assert has_begun(learner)
-    hand.send_until(lambda: learner.poll() is not None, GARBAGE["a count beyond the end"])
-    status, _, told = finish(learner)
-    assert status == BAD_USE
-    assert "a Fault: joint_states brought what is not its kind of message: it has 44 bytes" in told
-    assert len(told.splitlines()) == 1
+def test_parameters_have_descriptions_and_ranges(simulator, hand):
+    from rcl_interfaces.srv import DescribeParameters
+
+    names = ["rate", "seed", "noise"]
+    answer = hand.call(DescribeParameters, "simulator/describe_parameters", names=names)
+    rate, seed, noise = answer.descriptors
+    assert (rate.floating_point_range[0].from_value, rate.read_only) == (1.0, True)
+    assert (seed.integer_range[0].from_value, seed.read_only) == (0, False)
+    assert "disturb forces" in noise.description
+    assert hand.set("seed", -1).reason
+    assert hand.set("seed", 5).successful
+
+
+def test_both_sides_report_their_health(simulator, start, hand):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    reports = {}
+    hand.node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda report: reports.update({each.name: each for each in report.status}),
+        10,
+    )
+    start("ros2 learn random-search --trials 100000 --steps 100000000")
+    names = "/simulator: control periods", "/learner: control periods"
+    hand.until(lambda: reports.keys() >= {*names})
+    values = {each.key: each.value for name in names for each in reports[name].values}
+    assert float(values["rate of measurements [1/s]"]) == 50
+    assert values["missed control periods"] == "0"
+    assert float(values["control periods per second"]) >= 0
+
+
+def test_a_simulator_that_cannot_keep_up_still_answers(simulate, hand_of_simulator):
+    simulate("--no-lock-step --rate 10000 --real-time-factor 1000")
+    hand = hand_of_simulator()
+    assert hand.set("seed", 5).successful
 
 
 def test_impossible_parameters_are_refused_and_nothing_changes(simulate, hand_of_simulator):
@@ -406,18 +285,35 @@ def test_impossible_parameters_are_refused_and_nothing_changes(simulate, hand_of
     hand = hand_of_simulator()
     for value in (5, 1.5, True, ["a"], [1.0], "no_such=1", "static_friction=1"):
         assert not hand.set("parameters", value).successful
+    assert not hand.set("start_state", [0.0, 0.0, 0.0, 1e308]).successful
     assert hand.set("parameters", "half_length=0.4").successful
     hand.reset()
     assert simulator.poll() is None
 
 
+def test_a_parameter_of_no_known_type_is_refused(simulator, hand):
+    """Both services answer it; in rclpy it raises an error, which would end the node."""
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+
+    request = [Parameter(name="seed", value=ParameterValue(type=77))]
+    answer = hand.call(SetParameters, "simulator/set_parameters", parameters=request)
+    assert not answer.results[0].successful
+    name = "simulator/set_parameters_atomically"
+    answer = hand.call(SetParametersAtomically, name, parameters=request)
+    assert answer.result.reason == "a parameter is of a type that does not exist"
+    hand.reset()
+    assert simulator.poll() is None
+
+
 def test_a_fault_ends_the_learner(simulator, start, hand):
-    learner = start("ros2 learn random-search")
+    """As an emergency stop does, which another node may report."""
+    learner = start("ros2 learn random-search --trials 100000 --steps 100000000")
     assert has_begun(learner)
-    hand.command(math.nan)
+    hand.report("Fault: the emergency stop is pressed")
     status, _, told = finish(learner)
     assert status == BAD_USE
-    assert "the cart reports a Fault: effort is [nan]" in told
+    assert "the cart reports a Fault: the emergency stop is pressed" in told
 
 
 def test_a_killed_simulator_ends_the_learner(simulator, start):
@@ -426,18 +322,24 @@ def test_a_killed_simulator_ends_the_learner(simulator, start):
     simulator.kill()
     status, _, told = finish(learner)
     assert status == BAD_USE
-    assert re.search("no joint_states arrived for 0.5 s; the cart was stopped|did not answer", told)
+    assert re.search(
+        "no joint_states arrived for 0.5 s; the cart was stopped|is gone|did not answer", told
+    )
 
 
-def test_a_gap_in_the_messages_ends_the_learner(simulator, start, hand):
+def test_a_gap_in_the_messages_ends_the_learner(simulator, start):
     learner = start("ros2 learn random-search --watchdog 0.3")
     assert has_begun(learner)
     simulator.send_signal(signal.SIGSTOP)
     status, _, told = finish(learner)
     simulator.send_signal(signal.SIGCONT)
     assert status == BAD_USE
-    assert re.search("no joint_states arrived for 0.3 s; the cart was stopped|did not answer", told)
-    hand.reset()  # the simulator still works
+    assert re.search(
+        "no joint_states arrived for 0.3 s; the cart was stopped|is gone|did not answer", told
+    )
+    assert simulator.poll() is None
+    simulator.terminate()  # it still handles signals; whether it is heard again is up to Fast DDS
+    assert finish(simulator)[0] == 0
 
 
 @pytest.mark.timing
@@ -457,12 +359,6 @@ def test_a_killed_learner_leaves_a_cart_at_rest(simulate, start, hand_of_simulat
     finish(learner)
     status, _, told = finish(start(f"ros2 learn --policy {path} --steps 50"))
     assert status == 0, told
-
-
-@pytest.fixture
-def hand_of_simulator(domain, request):
-    """Return a function that makes a hand, for once there is a simulator."""
-    return lambda: request.getfixturevalue("hand")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

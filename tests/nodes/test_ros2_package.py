@@ -1,6 +1,7 @@
 """The ROS 2 package: what it says of itself, what it installs, and what its nodes read from it.
 
-ROS 2's `launch` and RViz are in no wheel, so what they read is checked without them.
+ROS 2's `launch` and RViz are in no wheel, so what they read is checked without them here;
+test_launch.py launches the nodes where `launch` is installed.
 """
 
 import ast
@@ -10,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 from importlib import import_module
 from importlib.util import find_spec
@@ -35,6 +37,12 @@ LIMIT = 60
 needs_ros2 = pytest.mark.skipif(
     not (find_spec("rclpy") or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
     reason="ROS 2 (rclpy) is not installed: no node is tested",
+)
+PROGRAMS = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+"""The PATH where the environment of this Python is active."""
+needs_colcon = pytest.mark.skipif(
+    not (shutil.which("colcon", path=PROGRAMS) or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
+    reason="colcon is not installed: no workspace is built",
 )
 
 
@@ -110,14 +118,17 @@ def test_package_xml_agrees_with_the_project(about):
     assert about.findtext("export/build_type") == "ament_python"
 
 
-def test_it_names_every_package_that_is_imported(needed):
-    others = {"numpy", "upright", *sys.stdlib_module_names}
+def test_it_names_every_package_that_is_imported(needed, about):
+    others = {"mcap", "numpy", "upright", "upright_ros", *sys.stdlib_module_names}
     files = [*PACKAGE.glob("upright_ros/*.py"), *PACKAGE.glob("launch/*.py")]
     for folder in ("nodes", "plants/ros2"):
         files += (ROOT / "src/upright" / folder).glob("*.py")
     imported = {name for path in files for name in names(path)}
     assert {"rclpy", "launch_ros"} <= imported
     assert imported - others <= needed
+    tested_with = {element.text for element in about.iter("test_depend")}
+    tests = {name for path in PACKAGE.glob("test/*.py") for name in names(path)}
+    assert {"python3-pytest" if name == "pytest" else name for name in tests} == tested_with
 
 
 # ------------------------------------------------------------------------------ what is installed
@@ -148,7 +159,7 @@ def test_the_metadata_is_that_of_the_package(installed, about):
     told = (metadata / "PKG-INFO").read_text()
     assert f"Version: {about.findtext('version')}\n" in told
     assert "License: MIT\n" in told or "License-Expression: MIT\n" in told
-    assert (metadata / "requires.txt").read_text().split() == ["upright"]
+    assert (metadata / "requires.txt").read_text().split() == ["upright", "[test]", "pytest"]
 
 
 @needs_ros2
@@ -158,6 +169,100 @@ def test_the_index_of_ros_finds_it(installed, monkeypatch):
     assert (Path(find("upright_ros")) / "package.xml").samefile(
         installed.prefix / "share/upright_ros/package.xml"
     )
+
+
+# ------------------------------------------------------------------------------ colcon
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A workspace of colcon that is built as docs/ros2.md says; what colcon lists is returned too.
+
+    The programs of this Python come first, as in a virtual environment that is active.
+    """
+    folder = tmp_path_factory.mktemp("ws")
+    listed = ["git", "-C", ROOT, "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    done = subprocess.run(listed, check=True, capture_output=True, text=True, timeout=LIMIT)
+    for name in filter(None, done.stdout.split("\0")):
+        if (ROOT / name).is_file():  # it may be removed, but not committed so
+            path = folder / "src/upright" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, path)
+
+    def colcon(verb):
+        command = ["colcon", "--log-base", "log", verb]
+        done = subprocess.run(
+            command, cwd=folder, env=env, capture_output=True, text=True, timeout=LIMIT
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    env = os.environ | {"PATH": PROGRAMS, "PYTHONPATH": os.environ.get("PYTHONPATH", "")}
+    packages = [line.split("\t")[:2] for line in colcon("list").splitlines()]
+    colcon("build")
+    return SimpleNamespace(folder=folder, env=env, packages=packages)
+
+
+@pytest.mark.slow
+@needs_colcon
+def test_colcon_builds_the_package_and_nothing_else(workspace):
+    assert workspace.packages == [["upright_ros", "src/upright/ros2"]]
+    built = {path.name for path in (workspace.folder / "install").iterdir() if path.is_dir()}
+    assert built == {"upright_ros"}
+    programs = workspace.folder / "install/upright_ros/lib/upright_ros"
+    assert {path.name for path in programs.iterdir()} == set(NODES)
+
+
+@pytest.mark.slow
+@needs_colcon
+@needs_ros2
+def test_a_program_that_colcon_installed_runs(workspace, tmp_path):
+    program = "install/upright_ros/lib/upright_ros/simulator --ros-args -p plant:=mujoco"
+    with ros_domain() as domain:
+        simulator = subprocess.Popen(
+            ["bash", "-c", f". install/setup.bash && exec {program}"],
+            cwd=workspace.folder,
+            env=workspace.env | domain | {"ROS_LOG_DIR": str(tmp_path)},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert simulator.stdout.readline().startswith("simulating mujoco")
+        simulator.send_signal(signal.SIGINT)
+        simulator.communicate(timeout=LIMIT)
+        assert simulator.returncode == 0
+
+
+# ------------------------------------------------------------------------------ style
+
+LINTERS = ["flake8", "flake8_quotes", "flake8_import_order", "pydocstyle"]
+IGNORED = "D100,D101,D102,D103,D104,D105,D106,D107,D203,D212,D404"
+
+
+@pytest.mark.skipif(
+    not (all(map(find_spec, LINTERS)) or os.environ.get("UPRIGHT_REQUIRE_ROS2")),
+    reason=f"a linter is not installed: {', '.join(LINTERS)}",
+)
+@pytest.mark.parametrize(
+    "linter",
+    [
+        pytest.param(
+            "flake8 --isolated --max-line-length 99 --import-order-style google "
+            f"--extend-ignore B902,C816,{IGNORED},I202 .",
+            id="flake8",
+        ),
+        pytest.param(f"pydocstyle --ignore={IGNORED} --match=.*\\.py .", id="pep257"),
+    ],
+)
+def test_the_style_is_that_of_ros(linter):
+    """With the settings of ament_flake8 and ament_pep257, which are in no wheel."""
+    done = subprocess.run(
+        [sys.executable, "-m", *linter.split()],
+        cwd=PACKAGE,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 # ------------------------------------------------------------------------------ parameters
@@ -204,6 +309,7 @@ def start(installed, tmp_path):
 
     processes = []
     with ros_domain() as domain:
+        started.domain = domain
         yield started
         for process in processes:
             process.kill()
@@ -227,6 +333,45 @@ def test_a_node_has_the_parameters_of_the_file(start, arguments, plant):
 
 @pytest.mark.slow
 @needs_ros2
+def test_an_interrupted_program_ends_as_ros_expects(start):
+    """The command `upright ros2 learn` ends with 130, which `launch` would report as a death."""
+    learner = start("learner", "patience: 10.0", "patience: 60.0")
+    time.sleep(3)  # it waits for a cart, or still imports
+    learner.send_signal(signal.SIGINT)
+    assert learner.wait(LIMIT) == 0
+
+
+@pytest.mark.slow
+@needs_ros2
+@pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # what rclpy imports does
+def test_each_namespace_has_a_clock_of_its_own(start, monkeypatch):
+    """Two simulators on one clock would put it back again and again."""
+    from rosgraph_msgs.msg import Clock
+
+    from upright.plants.ros2.node import QOS, make_executor, new_node
+
+    for name, value in start.domain.items():
+        monkeypatch.setenv(name, value)
+    for side in ("left", "right"):
+        ros = ["-r", f"__ns:=/{side}"]
+        simulator = start("simulator", "lock_step: true", "lock_step: false", *ros)
+        assert simulator.stdout.readline().startswith("simulating")
+    heard = {"/left/clock": [], "/right/clock": []}
+    with new_node("listener", {}, []) as node:
+        for name, messages in heard.items():
+            node.create_subscription(Clock, name, messages.append, QOS)
+        executor, end = make_executor(node), time.monotonic() + LIMIT
+        while min(map(len, heard.values())) < 25 and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
+        assert node.count_publishers("/clock") == 0
+    for messages in heard.values():
+        times = [(message.clock.sec, message.clock.nanosec) for message in messages]
+        assert len(times) >= 25
+        assert times == sorted(times)
+
+
+@pytest.mark.slow
+@needs_ros2
 @pytest.mark.parametrize(
     ("node", "old", "new", "refusal"),
     [
@@ -245,28 +390,17 @@ def test_an_invalid_parameter_is_refused(start, node, old, new, refusal):
 # ------------------------------------------------------------------------------ launch and RViz
 
 
-def test_every_argument_has_a_description_and_a_default(launch_file):
-    declared = calls(launch_file, "DeclareLaunchArgument")
-    assert len(declared) == 3
-    for _, named in declared:
-        assert named.keys() == {"default_value", "description"}
-
-
-def test_arguments_are_parameters_of_the_nodes(launch_file):
-    arguments = keys(launch_file, "ARGUMENTS")
-    assert arguments == {"plant", "gui", "agent", "noise", "seed", "lock_step", "policy"}
-    for name in arguments:
-        values = [getattr(node, name) for node in NODES.values() if hasattr(node, name)]
-        assert values, name
-        assert all(isinstance(value, bool | int | str) for value in values), name
+def test_no_argument_has_the_name_of_a_parameter(launch_file):
+    own = keys(launch_file, "OWN_ARGUMENTS")
+    assert own == {"simulator", "namespace", "config", "rviz"}
+    parameters = {name for settings in NODES.values() for name in values_of(settings)}
+    assert not own & parameters
 
 
 def test_only_arguments_that_are_declared_are_used(launch_file):
-    one_by_one = [args[0] for args, _ in calls(launch_file, "DeclareLaunchArgument")]
-    declared = {arg.value for arg in one_by_one if isinstance(arg, ast.Constant)}
     used = [args[0] for args, _ in calls(launch_file, "LaunchConfiguration")]
-    assert declared == {arg.value for arg in used if isinstance(arg, ast.Constant)}
-    assert declared == {"config", "rviz"}
+    constants = {arg.value for arg in used if isinstance(arg, ast.Constant)}
+    assert constants == keys(launch_file, "OWN_ARGUMENTS")
 
 
 def test_what_is_launched_is_there(launch_file, needed):
@@ -275,7 +409,7 @@ def test_what_is_launched_is_there(launch_file, needed):
     assert packages == {"upright_ros", "robot_state_publisher", "rviz2"}
     assert packages - {"upright_ros"} <= needed
     (own,) = (named for named in started if named["package"].value == "upright_ros")
-    assert own["on_exit"].func.id == "Shutdown", "the launch would not end"
+    assert ast.unparse(own["on_exit"]) == "partial(shut_down, name)", "the launch would not end"
     assert keys(launch_file, "NODES") == set(NODES)
 
 
@@ -295,7 +429,7 @@ def test_rviz_shows_the_cart():
     displays = {display["Class"].split("/")[1]: display for display in shown["Displays"]}
     assert displays.keys() == {"Grid", "RobotModel", "TF"}
     assert all(display["Enabled"] for display in displays.values())
-    assert displays["RobotModel"]["Description Topic"]["Value"] == "/robot_description"
+    assert displays["RobotModel"]["Description Topic"]["Value"] == "robot_description"
     robot = ElementTree.fromstring(urdf.text())
     links = {link.get("name") for link in robot.iter("link")}
     (root,) = links - {child.get("link") for child in robot.iter("child")}

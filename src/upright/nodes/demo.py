@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from subprocess import PIPE, Popen
 
 from upright.nodes import learner
-from upright.nodes.settings import SimulatorSettings
 from upright.plants.ros2.node import ParameterValues
 from upright.support.exit_status import BAD_USE
 from upright.support.processes import end_process
@@ -40,13 +39,7 @@ def main(simulated: ParameterValues, learning: ParameterValues) -> int:
     -------
     int
         The learner's exit status, or BAD_USE if the simulator did not start.
-
-    Raises
-    ------
-    UprightError
-        If a setting of the simulator has an impossible value.
     """
-    SimulatorSettings(**simulated)
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     with start_simulator(simulated) as started:
         return learner.main(learning, []) if started else BAD_USE

@@ -9,18 +9,21 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Int64
 
+from upright.core.parameters import Parameters
 from upright.core.trials import Result
-from upright.errors import UprightError
+from upright.nodes.diagnostics import Diagnostics, PeriodsHealth
 from upright.nodes.parameters import declare
 from upright.nodes.settings import LearnerSettings
 from upright.plants.ros2.cart import Cart
 from upright.plants.ros2.node import QOS, ParameterValues, new_node
+from upright.plants.ros2.periods import Periods
 from upright.plants.ros2.plant import Ros2
+from upright.plants.ros2.settings import HIDDEN
+from upright.plants.ros2.topics import Waiting
 from upright.policies.files import load_policy, save_policy
 from upright.policies.going_on import describe_going_on, describe_total
-from upright.policies.policy import Policy
 from upright.studies.case import make_case
-from upright.studies.learned import KEEPS_SETTINGS, case_from, check_learned, learned_policy
+from upright.studies.learned import case_from, check_learned, learned_policy
 from upright.studies.playing import case_for, play_run
 from upright.studies.run import make_run
 from upright.studies.watching import print_trial, watch
@@ -43,11 +46,11 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     """
     read = [("policy", settings.policy), ("from_policy", settings.from_policy)]
     require_apart([("save", settings.save)], read)
-    policy = load_policy(settings.policy) if settings.policy else None
-    start = _load_start(settings)
-    waiting = Ros2(settings.watchdog, settings.patience)
-    task: dict[str, Any] = {"steps": settings.steps, "trials": settings.trials, "plant": waiting}
-    task |= {"noise": "none", "condition": "nominal", "parameters": {}}  # the cart has its own
+    policy = load_policy(settings.policy, settings.agent or None) if settings.policy else None
+    start = None
+    if settings.from_policy:
+        start = load_policy(settings.from_policy, settings.agent or None)
+    task = _task(settings)
     if policy:
         policy = replace(policy, greedy=policy.greedy or settings.greedy)
         case = case_for(policy, **task)
@@ -59,8 +62,9 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     if settings.save:
         check_learned(settings.save, case)
     stop = np.zeros(1, np.bool_)
-    cart = Cart(node, waiting.waiting, case.spec.task().parameters, stop)
+    cart = _cart(node, settings, case.spec.task().parameters, stop)
     progress = node.create_publisher(Int64, "~/trial_steps", QOS)
+    Diagnostics(node, "control periods", PeriodsHealth(cart.periods))
 
     def work(lengths: np.ndarray, stop: np.ndarray) -> tuple[Any, Result | None]:
         if policy:
@@ -72,8 +76,7 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
         progress.publish(Int64(data=length))
 
     memory, result = watch(case, work, show, stop)
-    if cart.missed:
-        print(f"{count(cart.missed, 'control period')} passed without a new command")
+    print(_by_its_clock(cart.periods))
     if not policy:
         learned = learned_policy(case, settings.seed, 0, memory, result, start)
         if start:
@@ -83,13 +86,43 @@ def balance(node: Node, settings: LearnerSettings) -> bool:
     return result.success
 
 
-def _load_start(settings: LearnerSettings) -> Policy | None:
-    """Return the policy that the agent goes on from, if any."""
-    if not settings.from_policy:
-        return None
-    if settings.settings != "default":
-        raise UprightError(f"settings is {settings.settings!r}; {KEEPS_SETTINGS}")
-    return load_policy(settings.from_policy, settings.agent or None)
+def _task(settings: LearnerSettings) -> dict[str, Any]:
+    """Return what the learner is told of the task, by name; the cart has noise of its own."""
+    hidden = settings.velocities == HIDDEN
+    return {
+        "steps": settings.steps,
+        "trials": settings.trials,
+        "plant": Ros2(settings.watchdog, settings.patience),
+        "noise": "none",
+        "condition": "no-velocities" if hidden else "nominal",
+        "parameters": settings.parameters(),
+    }
+
+
+def _cart(node: Node, settings: LearnerSettings, parameters: Parameters, stop: np.ndarray) -> Cart:
+    """Return the cart, once it is found."""
+    waiting = Waiting(settings.watchdog, settings.patience, settings.reset_patience)
+
+    def say(text: str) -> None:
+        print(text, flush=True)
+
+    return Cart(node, waiting, parameters, stop, settings, say=say)
+
+
+def _by_its_clock(periods: Periods) -> str:
+    """Return how long the last trial lasted by the cart's clock, and what was wrong with that."""
+    parts = [
+        f"by the cart's clock the last trial lasted {periods.seconds:,.1f} s, with a measurement "
+        f"every {1e3 * periods.interval:.3g} ms"
+    ]
+    if periods.missed:
+        parts.append(f"{count(periods.missed, 'control period')} passed without a new command")
+    if periods.jumps:
+        most = max(periods.jumps, key=abs)
+        parts.append(
+            f"the clock was set {count(len(periods.jumps), 'time')}, by up to {most:,.1f} s"
+        )
+    return "; ".join(parts)
 
 
 def main(values: ParameterValues | None = None, arguments: Sequence[str] | None = None) -> int:

@@ -13,7 +13,8 @@ class Punctuality:
     def __init__(self) -> None:
         self._delays = array("d")  # time by which the end of each period was late [s]
         self._latencies = array("d")  # time from a measurement to the command it led to [s]
-        self._missed = 0  # periods without a new command
+        self.missed = 0
+        """Number of periods without a new command."""
         self._since_command = 0  # periods since the last command
         self._published = 0.0  # time at which the last measurement was published [s]
 
@@ -33,7 +34,7 @@ class Punctuality:
 
     def command(self, now: float) -> None:
         """Record the arrival of a command at the time `now` [s]."""
-        self._missed += max(0, self._since_command - 1)
+        self.missed += max(0, self._since_command - 1)
         if self._since_command:
             self._latencies.append(now - self._published)
         self._since_command = 0
@@ -46,7 +47,7 @@ class Punctuality:
         p50, p99, worst = 1e3 * np.quantile(np.abs(delays), (0.5, 0.99, 1.0))
         latency50, latency99 = 1e3 * np.quantile(np.array(self._latencies), (0.5, 0.99))
         return (
-            f"{count(len(delays), 'period')}, {self._missed:,} missed; jitter: p50 {p50:.2f} ms, "
+            f"{count(len(delays), 'period')}, {self.missed:,} missed; jitter: p50 {p50:.2f} ms, "
             f"p99 {p99:.2f} ms, max {worst:.2f} ms; command latency: p50 {latency50:.2f} ms, "
             f"p99 {latency99:.2f} ms"
         )

@@ -1,18 +1,27 @@
 """Settings of the nodes: their ROS parameters, and the options of `upright ros2`."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
+from upright.agents import LABELS
 from upright.core.conditions import STEPS, TRIALS
-from upright.core.parameters import make_parameters, parse_parameters
+from upright.core.parameters import LARGEST, make_parameters, parse_parameters
 from upright.core.task import TaskSpec
-from upright.errors import UprightError, require, require_one_of
+from upright.errors import UprightError, require_one_of, said
 from upright.plants import PLANTS
+from upright.plants.ros2.settings import CartSettings
 from upright.plants.settings import PlantSettings
-from upright.support.settings import change_settings, pairs
+from upright.studies.learned import KEEPS_SETTINGS
+from upright.support.settings import change_settings, pairs, require_ranges
 
 SIMULATED = [name for name in PLANTS if name != "ros2"]
 """Names of the plants that a simulator can have."""
+SEEDS = (0, 2**63 - 1)
+"""The smallest and the largest seed: ROS 2 has no larger numbers."""
+TASK_PARAMETERS = ("force", "time_step", "position_limit", "angle_limit")
+"""Parameters of a task that a learner is told; a cart has the others itself."""
 DRAWN = (math.nan,) * 4
 """Stands for a start state that is drawn at random."""
 
@@ -48,17 +57,32 @@ class SimulatorSettings:
     """How long the last command is applied, if not in lock-step and no other arrives; then the
     force is 0 [s]."""
 
+    RANGES: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "seed": SEEDS,
+        "rate": (1.0, 10_000.0),
+        "real_time_factor": (0.001, 1_000.0),
+        "command_timeout": (0.001, 3_600.0),
+    }
+    """The smallest and the largest value of numbers."""
+
     def __post_init__(self) -> None:
-        """Refuse impossible values."""
+        """Refuse impossible values, and settings that do not go together."""
         require_one_of("plant of a simulator", self.plant, SIMULATED)
         self.plant_settings()
-        if len(self.start_state) != 4 or any(map(math.isinf, self.start_state)):
-            raise UprightError(f"start_state is {self.start_state}; it must be four numbers")
-        require("seed", self.seed, 0, 2**63 - 1, whole=True)
-        require("rate", self.rate, 1, 10_000)
-        require("real_time_factor", self.real_time_factor, 0.001, 1_000)
+        if len(self.start_state) != 4 or any(abs(number) > LARGEST for number in self.start_state):
+            raise UprightError(
+                f"start_state is {said(self.start_state)}; it must be four numbers, each "
+                f"within ±{LARGEST:,} or nan"
+            )
+        require_ranges(self)
         self.spec()
-        require("command_timeout", self.command_timeout, 0.001, 3600)
+        for name in ("real_time_factor", "command_timeout"):
+            value, usual = getattr(self, name), self.__dataclass_fields__[name].default
+            if self.lock_step and value != usual:
+                raise UprightError(
+                    f"{name} is {value}, but a simulator in lock-step has no time of its own; "
+                    "lock_step must be false"
+                )
 
     def plant_settings(self) -> PlantSettings:
         """Return the settings of the plant."""
@@ -78,8 +102,8 @@ class SimulatorSettings:
 
 
 @dataclass(frozen=True)
-class LearnerSettings:
-    """Settings of the learner."""
+class LearnerSettings(CartSettings):
+    """Settings of the learner, and of the cart that it balances."""
 
     agent: str = ""
     """Agent that learns: one of `upright agents`, or module:name; if empty, that of from_policy, or
@@ -92,6 +116,9 @@ class LearnerSettings:
     """Whether the policy that is played makes the more probable push, without drawing."""
     from_policy: str = ""
     """Saved policy that the agent goes on learning from; FILE.npz."""
+    task_parameters: str = ""
+    """Parameters of the task: NAME=VALUE, separated by commas, such as force=6; of force [N],
+    time_step [s], position_limit [m] and angle_limit [rad]."""
     seed: int = 0
     """Seed of the agent's random numbers."""
     steps: int = STEPS
@@ -103,10 +130,24 @@ class LearnerSettings:
     watchdog: float = 0.5
     """Longest time without a measurement before the cart is stopped and the run aborted [s]."""
     patience: float = 10.0
-    """Longest time to wait for the cart to appear, and for a reset [s]."""
+    """Longest time to wait for the cart to appear [s]."""
+    reset_patience: float = 600.0
+    """Longest time to wait for the answer to a reset, which a person may carry out [s]."""
+
+    RANGES: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "seed": SEEDS,
+        "steps": (1, 10**9),
+        "trials": (1, 10**6),
+        "watchdog": (0.001, 3_600.0),
+        "patience": (0.001, 3_600.0),
+        "reset_patience": (0.001, 86_400.0),
+    }
+    """The smallest and the largest value of numbers."""
 
     def __post_init__(self) -> None:
-        """Refuse settings that contradict each other."""
+        """Refuse impossible values, and settings that contradict each other."""
+        super().__post_init__()
+        require_ranges(self)
         if self.policy and self.save:
             raise UprightError(
                 f"save is {self.save!r}, but a policy that is played learns nothing to save"
@@ -115,3 +156,20 @@ class LearnerSettings:
             raise UprightError("a policy is either played (policy) or learned from (from_policy)")
         if self.greedy and not self.policy:
             raise UprightError("greedy is for a policy that is played; it needs policy")
+        require_one_of("settings", self.settings, LABELS)
+        if self.settings != "default" and self.policy:
+            raise UprightError(
+                f"settings is {self.settings!r}, but a policy that is played does not learn"
+            )
+        if self.settings != "default" and self.from_policy:
+            raise UprightError(f"settings is {self.settings!r}; {KEEPS_SETTINGS}")
+        self.parameters()
+
+    def parameters(self) -> dict[str, float]:
+        """Return the parameters of the task that differ from those of the agent's own."""
+        texts = (part for part in self.task_parameters.split(",") if part.strip())
+        changes = parse_parameters(texts, "task_parameters")
+        for name in changes:
+            require_one_of("parameter of a cart's task", name, TASK_PARAMETERS)
+        make_parameters(changes)
+        return changes

@@ -10,7 +10,6 @@ from threading import Event
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -21,6 +20,7 @@ from upright.core.contracts import Plant
 from upright.core.noise import disturb, draw_start, measure
 from upright.core.parameters import State
 from upright.errors import UprightError
+from upright.nodes.diagnostics import INTERVAL, Diagnostics, Health
 from upright.nodes.parameters import declare, plain
 from upright.nodes.punctuality import Punctuality
 from upright.nodes.settings import DRAWN, SimulatorSettings
@@ -30,6 +30,7 @@ from upright.plants.ros2.node import (
     KEPT,
     POLL,
     QOS,
+    OwnNode,
     ParameterValues,
     make_executor,
     new_node,
@@ -67,7 +68,7 @@ class Simulator:
         If a parameter has an impossible value, or the plant's library is missing.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: OwnNode) -> None:
         self.settings = declare(node, SimulatorSettings(), CHANGEABLE)
         self._node, self._log = node, node.get_logger()
         self._task = self.settings.spec().task()
@@ -81,16 +82,18 @@ class Simulator:
         self._force = 0.0  # the last command [N]
         self._commanded = 0.0  # time at which it arrived [s]
         self._punctuality = Punctuality()
+        self._periods = 0  # since the last report of diagnostics
+        self._missed = 0  # of the trial, at that time
 
         self._warm_up()  # before any program can find the topics
         node.add_on_set_parameters_callback(self._on_parameters)
         self._states = node.create_publisher(JointState, JOINT_STATES, QOS)
         self._statuses = node.create_publisher(String, STATUS, KEPT)
-        self._clocks = node.create_publisher(Clock, "/clock", QOS)
+        self._clocks = node.create_publisher(Clock, "clock", QOS)
         node.create_subscription(Float64MultiArray, EFFORT, self._on_effort, HEARD, raw=True)
         node.create_service(Trigger, RESET, self._on_reset)
-        self._executor = make_executor(node.context)
-        self._executor.add_node(node)
+        Diagnostics(node, "control periods", self._health)
+        self._executor = make_executor(node)
         self._set_status(DONE)
         self._publish(self._plant.reset(State(0.0, 0.0, 0.0, 0.0)), 0.0)
 
@@ -100,11 +103,11 @@ class Simulator:
         due = math.inf if self.settings.lock_step else time.monotonic() + period
         while not stopped.is_set() and (parent is None or os.getppid() == parent):
             left = due - time.monotonic()
-            if left > 0:
-                self._executor.spin_once(timeout_sec=min(left, POLL))
-            else:
+            if left <= 0:
                 self._tick(due)
                 due += period
+            # Even if each period ends late, so that commands and resets are heard.
+            self._executor.spin_once(timeout_sec=min(max(left, 0.0), POLL))
 
     def __str__(self) -> str:
         pace = "in lock-step" if self.settings.lock_step else "in real time"
@@ -113,7 +116,7 @@ class Simulator:
     def close(self) -> None:
         """Release the plant, and log how punctual its last trial was."""
         self._report()
-        self._executor.remove_node(self._node)
+        self._node.leave_executor()  # before the plant, which its messages move
         self._plant.close()
 
     def _make_plant(self) -> Plant:
@@ -213,6 +216,7 @@ class Simulator:
     def _rest(self) -> None:
         """Let a period pass, and publish the last measurement again."""
         self._stamp += self._period
+        self._periods += 1
         stamp = self._measured.header.stamp
         stamp.sec, stamp.nanosec = divmod(self._stamp, 10**9)
         if self._clocks.get_subscription_count():  # publishing takes as long as the plant does
@@ -223,6 +227,18 @@ class Simulator:
         """Publish a status, which must precede the measurement that it belongs to."""
         self._status.data = status
         self._statuses.publish(self._status)
+
+    def _health(self) -> Health:
+        """Return how many periods passed since the last report, and whether commands were late."""
+        periods, self._periods = self._periods, 0
+        missed, previous = self._punctuality.missed, self._missed
+        self._missed = missed
+        late = max(0, missed - previous)
+        values = {
+            "control periods per second": f"{periods / INTERVAL:g}",
+            "periods of the trial without a command": f"{missed}",
+        }
+        return Health(f"{late} control periods had no command" if late else "", values)
 
     def _report(self) -> None:
         if summary := self._punctuality.summary():

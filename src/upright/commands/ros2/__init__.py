@@ -1,4 +1,4 @@
-"""Simulate a cart on ROS 2's topics, or balance one.
+"""Simulate a cart on ROS 2's topics, balance one, or record what passes.
 
 The learner balances any cart that has these topics; docs/ros2.md describes them.
 """
@@ -13,6 +13,7 @@ SUBCOMMANDS: Registry[Any] = Registry(
         "simulate": "upright.commands.ros2.simulate",
         "learn": "upright.commands.ros2.learn",
         "demo": "upright.commands.ros2.demo",
+        "record": "upright.commands.ros2.record",
     },
 )
 """The commands below this one."""

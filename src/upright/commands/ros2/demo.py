@@ -7,7 +7,9 @@ import argparse
 
 from upright.commands.parser import Parser
 from upright.commands.ros2.fields import add_fields, add_learning_agent, given
-from upright.nodes.settings import LearnerSettings, SimulatorSettings
+from upright.nodes.settings import TASK_PARAMETERS, LearnerSettings, SimulatorSettings
+from upright.plants.ros2.settings import CartSettings
+from upright.support.settings import values_of
 
 EXAMPLES = """\
 examples:
@@ -21,7 +23,8 @@ exit status: 0 if it balanced, 1 if not, 2 if something is not possible, 130 if 
 def add_options(parser: Parser) -> None:
     """Add the options of `upright ros2 demo`."""
     add_learning_agent(parser)
-    add_fields(parser, LearnerSettings, without=("agent",))
+    alone = ("agent", "task_parameters", "reset_patience", *values_of(CartSettings()))
+    add_fields(parser, LearnerSettings, without=alone)
     add_fields(parser, SimulatorSettings, without=("seed",))
 
 
@@ -32,4 +35,8 @@ def run(options: argparse.Namespace) -> int:
     require_rclpy()
     from upright.nodes import demo
 
-    return demo.main(given(options, SimulatorSettings), given(options, LearnerSettings))
+    simulated = given(options, SimulatorSettings)
+    texts = simulated.get("parameters", "").split(",")
+    known = [text for text in texts if text.partition("=")[0].strip() in TASK_PARAMETERS]
+    learning = given(options, LearnerSettings) | {"task_parameters": ",".join(known)}
+    return demo.main(simulated, learning)

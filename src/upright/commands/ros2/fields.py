@@ -10,9 +10,16 @@ from upright.commands.parser import READ, WRITTEN, Parser, as_number, as_whole
 from upright.core.conditions import STARTS
 from upright.errors import UprightError
 from upright.nodes.settings import SIMULATED
+from upright.plants.ros2.settings import STARTERS, VELOCITIES
 from upright.support.settings import describe_settings
 
-NAMES: dict[str, Any] = {"plant": SIMULATED, "start": STARTS, "settings": LABELS}
+NAMES: dict[str, Any] = {
+    "plant": SIMULATED,
+    "start": STARTS,
+    "settings": LABELS,
+    "velocities": VELOCITIES,
+    "start_by": STARTERS,
+}
 """What is allowed where a setting is one of several names."""
 REPEATED = {
     "plant_set": (
@@ -22,6 +29,11 @@ REPEATED = {
     "parameters": (
         "--parameter",
         "change a parameter of the plant (see upright plants); may be repeated",
+    ),
+    "task_parameters": (
+        "--parameter",
+        "change a parameter of the task: force [N], time_step [s], position_limit [m] or "
+        "angle_limit [rad]; may be repeated",
     ),
 }
 """Settings that list several values with commas between: the option that gives one, and its help.
@@ -40,7 +52,9 @@ def add_learning_agent(parser: Parser) -> None:
     add(parser, "agent", nargs="?", help=text)
 
 
-def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
+def add_fields(
+    parser: "Parser | argparse._ArgumentGroup", kind: Any, without: Sequence[str] = ()
+) -> None:
     """Add an option for each setting; those not given are absent from what is parsed."""
     for name, text in describe_settings(kind).items():
         default = getattr(kind, name)
@@ -70,7 +84,13 @@ def add_fields(parser: Parser, kind: Any, without: Sequence[str] = ()) -> None:
 
 
 def given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:
-    """Return the settings of one kind that were given."""
+    """Return the settings of one kind that were given.
+
+    Raises
+    ------
+    UprightError
+        If a value is not allowed; ROS 2 has no parameters for some, such as a seed of 65 bits.
+    """
     names = vars(options).keys() & kind.__dataclass_fields__.keys()
     values = {name: value for name in names if (value := getattr(options, name)) is not None}
     for name in REPEATED.keys() & values.keys():
@@ -78,7 +98,9 @@ def given(options: argparse.Namespace, kind: Any) -> dict[str, Any]:
         for text in values[name]:
             if "," in text:
                 raise UprightError(f"{flag} is {text!r}; give {flag} again for each NAME=VALUE")
-    return {name: ",".join(v) if name in REPEATED else v for name, v in values.items()}
+    values = {name: ",".join(v) if name in REPEATED else v for name, v in values.items()}
+    kind(**values)
+    return values
 
 
 def add_ros_arguments(parser: Parser) -> None:

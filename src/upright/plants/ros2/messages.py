@@ -14,7 +14,7 @@ import struct
 from typing import Literal
 
 from upright.core.parameters import State
-from upright.errors import UprightError
+from upright.errors import UprightError, said
 from upright.plants.ros2.topics import EFFORT, JOINT_STATES, STATUS
 from upright.plants.urdf import HINGE, SLIDER
 
@@ -121,16 +121,29 @@ def read_text(raw: bytes) -> str:
 
 
 class Joints:
-    """Reads serialised JointStates, the faster if the layout is that of the last message."""
+    """Reads serialised JointStates, the faster if the layout is that of the last message.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    slider, hinge
+        Names of the joints between track and cart, and between cart and pole.
+    velocities
+        Whether velocities are read; otherwise they are 0, and the message need not have any.
+    """
+
+    def __init__(
+        self, slider: str = SLIDER, hinge: str = HINGE, *, velocities: bool = True
+    ) -> None:
+        self.names: list[str] = []
+        """Names of the joints of the last message whose layout was new."""
+        self._wanted, self._velocities = (slider, hinge), velocities
         self._length = -1  # length of a message in the known layout [bytes]
         self._form: list[tuple[slice, bytes]] = []  # its content except for the numbers
         self._places: tuple[int, ...] = ()  # offsets of the numbers of the state
         self._stamp, self._number = struct.Struct("<iI"), NUMBER
 
     def read(self, raw: bytes) -> tuple[int, State] | None:
-        """Return the time stamp [ns] and the state of the cart; None if the joints are others.
+        """Return the time stamp [ns] and the readings of the cart; None if the joints are others.
 
         Raises
         ------
@@ -142,7 +155,9 @@ class Joints:
             return None
         seconds, nanoseconds = self._stamp.unpack_from(raw, HEADER)
         numbers = [self._number.unpack_from(raw, place)[0] for place in self._places]
-        return seconds * 10**9 + nanoseconds, State(*numbers)
+        if self._velocities:
+            return seconds * 10**9 + nanoseconds, State(*numbers)
+        return seconds * 10**9 + nanoseconds, State(numbers[0], 0.0, numbers[1], 0.0)
 
     def _study(self, raw: bytes) -> bool:
         """Remember where a message has its numbers; return whether its joints are the cart's."""
@@ -150,19 +165,23 @@ class Joints:
         reader = Reader(raw, JOINT_STATES)
         reader.skip(8, 4)  # the stamp
         reader.text()  # the frame
-        names = reader.texts()
+        self.names = names = reader.texts()
         places, speeds = reader.numbers(), reader.numbers()
         form = list(reader.form)
         reader.numbers()  # the efforts
-        if not {SLIDER, HINGE} <= {*names}:
+        if not {*self._wanted} <= {*names}:
             return False
-        joints = names.index(SLIDER), names.index(HINGE)
-        if max(joints) >= min(len(places), len(speeds)):
-            raise UprightError(
-                f"{JOINT_STATES} lack a position or a velocity: there are {len(names)} joints, "
-                f"{len(places)} positions and {len(speeds)} velocities"
-            )
-        self._places = tuple(some[joint] for joint in joints for some in (places, speeds))
+        joints = [names.index(name) for name in self._wanted]
+        read = {"position": places} | ({"velocity": speeds} if self._velocities else {})
+        for kind, numbers in read.items():
+            if max(joints) >= len(numbers):
+                joint = said(self._wanted[joints.index(max(joints))])
+                raise UprightError(
+                    f"{JOINT_STATES} have no {kind} of joint {joint}: there are {len(names)} "
+                    f"joints, {len(places)} positions and {len(speeds)} velocities"
+                    + ("; velocities=differenced takes them from positions" * (kind != "position"))
+                )
+        self._places = tuple(some[joint] for joint in joints for some in read.values())
         self._stamp = struct.Struct(f"{reader.order}iI")
         self._number = struct.Struct(f"{reader.order}d")
         self._length, self._form = len(raw), form

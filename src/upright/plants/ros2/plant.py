@@ -7,7 +7,7 @@ from upright.core.conditions import Noise
 from upright.core.contracts import Plant
 from upright.core.parameters import changed_parameters
 from upright.core.task import Task
-from upright.errors import UprightError, require, require_module
+from upright.errors import require, require_module
 from upright.plants.ros2.topics import Waiting
 from upright.plants.settings import RunContext
 
@@ -19,7 +19,7 @@ class Ros2:
     watchdog: float = 0.5
     """Longest time without a measurement before the cart is stopped and the run aborted [s]."""
     patience: float = 10.0
-    """Longest time to wait for the cart to appear, and for a reset [s]."""
+    """Longest time to wait for the cart to appear, and for its answers [s]."""
 
     name: ClassVar[str] = "ros2"
     alone: ClassVar[bool] = True
@@ -35,18 +35,15 @@ class Ros2:
         Raises
         ------
         UprightError
-            If ROS 2 is missing, or there is no simulator, or it refuses the task.
+            If ROS 2 is missing, there is no simulator, its rate is not that of the task, or it
+            refuses the task.
         """
         require_rclpy()
         from upright.plants.ros2.cart import open_cart
 
         task = context.task
         changes = changed_parameters(task.parameters)
-        if "time_step" in changes:
-            raise UprightError(
-                f"time_step is {changes['time_step']}; it must not be changed on plant 'ros2': "
-                "`upright ros2 simulate --rate` sets it"
-            )
+        changes.pop("time_step", None)  # the simulator's rate, which is checked
         parameters = ",".join(f"{name}={value!r}" for name, value in changes.items())
         simulated = {"noise": context.spec.noise, "seed": context.seed, "parameters": parameters}
         cart = open_cart(self.waiting, task.parameters, context.stop, simulated)
@@ -56,7 +53,7 @@ class Ros2:
     @property
     def waiting(self) -> Waiting:
         """How long to wait for the cart."""
-        return Waiting(self.watchdog, self.patience)
+        return Waiting(self.watchdog, self.patience, self.patience)
 
     def version(self) -> str:
         """Return an empty string: only the cart's own process knows what moves it."""

@@ -16,4 +16,6 @@ class Waiting(NamedTuple):
     watchdog: float
     """Longest time to wait for its next measurement [s]."""
     patience: float
-    """Longest time to wait until it is found, and until it is reset [s]."""
+    """Longest time to wait until it is found, and for an answer of its simulator [s]."""
+    reset: float
+    """Longest time to wait until it is reset [s]."""
