@@ -196,6 +196,7 @@ class Simulator:
     def _tick(self, due: float) -> None:
         """Let a real-time period pass, which was due to end at the time `due` [s]."""
         if self._status.data != BALANCING or self._held:
+            self._measured.effort = [0.0, 0.0]  # that of a fall was the last push
             self._rest()
             return
         now = time.monotonic()
