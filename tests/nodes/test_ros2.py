@@ -337,9 +337,9 @@ def test_a_gap_in_the_messages_ends_the_learner(simulator, start):
     assert re.search(
         "no joint_states arrived for 0.3 s; the cart was stopped|is gone|did not answer", told
     )
-    assert simulator.poll() is None
-    simulator.terminate()  # it still handles signals; whether it is heard again is up to Fast DDS
-    assert finish(simulator)[0] == 0
+    # Nodes that knew it may have forgotten it, as Fast DDS does after 20 s; new ones find it.
+    status, _, told = finish(start("ros2 learn random-search --steps 5"))
+    assert status == 0, told
 
 
 @pytest.mark.timing
