@@ -1,4 +1,5 @@
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ from upright.core.compiled import compiled
 from upright.core.portable_math import (
     SMALL,
     cosine_of_turns,
+    error_function_complement,
     exponential,
+    hyperbolic_tangent,
     logarithm,
     sine_cosine,
     small_sine_cosine,
+    whole_power,
 )
 
 
@@ -98,3 +102,64 @@ def test_exponential_agrees_with_the_library(x):
 
 def test_exponential_of_zero_is_exact():
     assert exponential(0.0) == exponential(-0.0) == 1.0
+
+
+# ---- Power, tanh and erfc, as compiled code calls them -------------------------------------------
+
+
+@compiled
+def compiled_power(base, exponent):
+    return whole_power(base, exponent)
+
+
+@compiled
+def compiled_tangent(x):
+    return hyperbolic_tangent(x)
+
+
+@compiled
+def compiled_complement(x):
+    return error_function_complement(x)
+
+
+@given(number(-2, 2), st.integers(0, 1000))
+def test_whole_powers_agree_with_exact_ones(base, exponent):
+    exact = float(Fraction(base) ** exponent) if abs(base) > 1e-3 or exponent < 50 else 0.0
+    error = 1.2e-16 * (exponent + 1)
+    assert compiled_power(base, exponent) == pytest.approx(exact, rel=error, abs=1e-150)
+
+
+def test_the_power_of_0_is_1_and_the_first_is_the_base():
+    assert compiled_power(0.0, 0.0) == compiled_power(math.nan, 0.0) == 1.0
+    assert compiled_power(0.3, 1.0) == 0.3
+
+
+@given(number(-30, 30))
+def test_tanh_agrees_with_the_library(x):
+    assert compiled_tangent(x) == pytest.approx(math.tanh(x), rel=2e-15, abs=0)
+    assert compiled_tangent(-x) == -compiled_tangent(x)
+
+
+@pytest.mark.parametrize("x", [0.2, np.nextafter(0.2, 0), 20.0, 1e-300, 1e300, math.inf, 0.0])
+def test_tanh_at_branch_boundaries(x):
+    assert compiled_tangent(x) == pytest.approx(math.tanh(x), rel=2e-15, abs=0)
+    assert hyperbolic_tangent(x) == compiled_tangent(x)
+
+
+@given(number(-30, 25.9))
+def test_erfc_agrees_with_the_library(x):
+    assert compiled_complement(x) == pytest.approx(math.erfc(x), rel=1e-15, abs=0)
+
+
+@pytest.mark.parametrize("edge", [0.0, 0.46875, 4.0, 26.0, 1e300, math.inf])
+def test_erfc_at_branch_boundaries(edge):
+    for x in (edge, np.nextafter(edge, 100.0), np.nextafter(edge, -100.0)):
+        for signed in (x, -x):
+            expected = pytest.approx(math.erfc(signed), rel=1e-15, abs=1e-295)
+            assert compiled_complement(signed) == expected
+            assert error_function_complement(signed) == compiled_complement(signed)
+
+
+@pytest.mark.parametrize("function", [compiled_tangent, compiled_complement])
+def test_of_nan_there_is_only_nan(function):
+    assert math.isnan(function(math.nan))

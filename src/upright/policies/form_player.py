@@ -17,6 +17,7 @@ from upright.agents.parts.network import activation, sigmoid
 from upright.core.compiled import compiled, guard, inlined
 from upright.core.guards import once, require_array
 from upright.core.parameters import State
+from upright.core.portable_math import hyperbolic_tangent
 from upright.errors import UprightError, require, require_kind
 from upright.policies.form_json import UNITS
 
@@ -146,7 +147,7 @@ def unit_output(unit, total):
     if unit == ISRLU:
         return activation(total)
     if unit == TANH:
-        return math.tanh(total)
+        return hyperbolic_tangent(total)
     if unit == SIGMOID:
         return sigmoid(total)
     if unit == ABOVE_ZERO:
