@@ -32,6 +32,7 @@ from upright.plants.ros2.node import (
 )
 from upright.plants.ros2.peers import Peers, mismatch
 from upright.plants.ros2.periods import Periods
+from upright.plants.ros2.person import Person
 from upright.plants.ros2.sensors import Sensors
 from upright.plants.ros2.settings import MEASURED, PERSON, CartSettings
 from upright.plants.ros2.topics import (
@@ -55,21 +56,10 @@ SETTLED, SETTLING = 0.3, 0.02
 """After this time without new nodes, those that are there are known; how often to look [s]."""
 NOTICE = 5.0
 """After this time it is said that a reset is waited for [s]."""
-REMINDER = 10.0
-"""How often it is said what a trial that a person starts is waiting for [s]."""
 ABSURD = 1e6
 """A sensor that measures more than this, in any unit, is broken."""
 INSTANT = 3
 """Number of trials in a row that may not all end with their first step."""
-ASTRAY = 0.1
-"""How much farther from the middle a cart may come by itself than it was [m]."""
-STILL = State(0.02, math.inf, 0.02, math.inf)
-"""How far a cart and a pole that are held still may move [m, m/s, rad, rad/s]."""
-HOME = State(0.02, 0.02, math.inf, math.inf)
-"""How near to the middle, and how slow, a cart must come by itself."""
-HOMING, BRAKING = 20.0, 0.1
-"""How long a cart may take to come to the middle [s]; difference in velocity for full force [m/s].
-"""
 
 
 class Cart:
@@ -149,6 +139,9 @@ class Cart:
             listeners,
             stop=lambda: self._send(0.0),
         )
+        self._person = Person(
+            settings, parameters, self.periods, self._send, self._watch, self._say
+        )
         self._executor = make_executor(node)
         self._find()
         self._settle()
@@ -180,7 +173,7 @@ class Cart:
         if self._simulated:
             self._set_parameters({"start_state": list(state)})
         if self._settings.start_by == PERSON:
-            self._wait_for_person()
+            self._person.wait()
         else:
             self._ask_for_reset()
         self.periods.begin()
@@ -333,66 +326,6 @@ class Cart:
         self._since = self._measured
         self._sensors.forget()
 
-    def _wait_for_person(self) -> None:
-        """Wait until somebody has held the pole still near upright for a while."""
-        self._send(0.0)
-        if self._settings.homing_force:
-            self._home()
-        self._say(f"raise the pole, and hold it still for {self._settings.still:g} s")
-        held, reminder = self._state, time.monotonic() + REMINDER
-        self.periods.begin()
-        while self.periods.seconds < self._settings.still:
-            self._peers.look()
-            self._await_measurement()
-            if self._is_down(self._state) or not _near(self._state, held, STILL):
-                if time.monotonic() > reminder:
-                    reminder = time.monotonic() + REMINDER
-                    self._remind(held)
-                held = self._state
-                self.periods.begin()
-
-    def _remind(self, held: State) -> None:
-        """Say why a trial does not begin, after this state and the present one."""
-        limits = self._parameters
-        state = self._state
-        x, moved = abs(state.x - held.x), abs(state.theta - held.theta)
-        self._say(
-            f"still waiting: x = {state.x:.3g} m, θ = {math.degrees(state.theta):.3g}°, which must "
-            f"be within ±{limits.position_limit / 2:.3g} m and "
-            f"±{math.degrees(limits.angle_limit / 2):.3g}°; they moved by {x:.3f} m and "
-            f"{math.degrees(moved):.2f}°, and may by {STILL.x:g} m and "
-            f"{math.degrees(STILL.theta):.3g}°"
-        )
-
-    def _is_down(self, state: State) -> bool:
-        """Whether a trial cannot begin in a state, which is too near to the limits."""
-        limits = self._parameters
-        return not (
-            abs(state.x) <= limits.position_limit / 2 and abs(state.theta) <= limits.angle_limit / 2
-        )
-
-    def _home(self) -> None:
-        """Move the cart to the middle of the track, slower the nearer it is."""
-        self._await_measurement()  # before the first one, the state is no number
-        until, start = time.monotonic() + HOMING, abs(self._state.x)
-        while not _near(self._state, State(0.0, 0.0, 0.0, 0.0), HOME):
-            if time.monotonic() > until:
-                raise UprightError(
-                    f"the cart did not come to the middle within {HOMING:g} s: it is at "
-                    f"{self._state.x:.3g} m; homing_force is {self._settings.homing_force} N"
-                )
-            if abs(self._state.x) > start + ASTRAY:
-                raise UprightError(
-                    f"the cart moved away from the middle, from {start:.3g} m to "
-                    f"{abs(self._state.x):.3g} m: the sign of position_gain or command_gain may be "
-                    "wrong"
-                )
-            self._peers.look()
-            lacks = -max(-0.2, min(0.2, self._state.x)) - self._state.x_dot
-            self._send(self._settings.homing_force * max(-1.0, min(1.0, lacks / BRAKING)))
-            self._await_measurement()
-        self._send(0.0)
-
     # ---- Messages --------------------------------------------------------------------------------
 
     def _call(self, client: Any, request: Any, seconds: float | None = None) -> Any:
@@ -429,6 +362,12 @@ class Cart:
                 f"no {JOINT_STATES} arrived for {watchdog:g} s{self._unused()}; the cart was "
                 "stopped"
             )
+
+    def _watch(self) -> State:
+        """Return the next measurement, and look whether others command the cart."""
+        self._peers.look()
+        self._await_measurement()
+        return self._state
 
     def _spin(self, ready: Callable[[], bool], seconds: float, poll: float = POLL) -> bool:
         """Handle messages until `ready` returns True or the time is over; return which."""
@@ -545,12 +484,6 @@ class Cart:
             if why := mismatch(infos_of(ours.topic_name), profile, publishes=publishes):
                 found += f"; on {ours.topic_name}, {why}"
         return found
-
-
-def _near(state: State, other: State, tolerance: State) -> bool:
-    """Whether two states differ in no number by more than the tolerance has."""
-    pairs = zip(state, other, tolerance, strict=True)
-    return all(abs(one - another) <= most for one, another, most in pairs)
 
 
 def open_cart(
