@@ -114,6 +114,12 @@ class DirectNDPAgent(NamedTuple):
         return 1.0 if u >= 0.0 else 0.0
 
     @compiled
+    def begin_run(self, rng):
+        """Draw the first weights."""
+        draw(self.action, self.init_range, rng)
+        draw(self.critic, self.init_range, rng)
+
+    @compiled
     def begin_trial(self, rng):
         """Draw new weights if it is time to."""
         self.first[0] = True
@@ -391,12 +397,9 @@ class DirectNDP:
 
     def agent(self, rng: np.random.Generator) -> DirectNDPAgent:
         """Return a new agent with random weights."""
-        action, critic = blank_network(4, self.hidden), blank_network(5, self.hidden)
-        for layer in (action.layer_1, action.layer_2, critic.layer_1, critic.layer_2):
-            layer[:] = rng.uniform(-self.init_range, self.init_range + 0.0, layer.shape)  # no -0
-        return DirectNDPAgent(
-            action=action,
-            critic=critic,
+        agent = DirectNDPAgent(
+            action=blank_network(4, self.hidden),
+            critic=blank_network(5, self.hidden),
             scales=scales_of(self),
             first=np.ones(1, np.bool_),
             rate=LearningRate(
@@ -422,6 +425,8 @@ class DirectNDP:
             init_range=float(self.init_range),
             weight_limit=float(self.weight_limit) or math.inf,
         )
+        agent.begin_run(rng)
+        return agent
 
 
 def blank_network(inputs: int, hidden: int) -> NDPNetwork:

@@ -61,6 +61,7 @@ class QLearningAgent(NamedTuple):
     discount: float
     trace_decay: float
     replay_passes: int
+    jitter: float
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -69,6 +70,12 @@ class QLearningAgent(NamedTuple):
     def push_probability(self, observation):
         """Return 1 where the policy pushes to the right, else 0."""
         return 1.0 if right_is_better(self, find_box(self.boxes, observation)) else 0.0
+
+    @compiled
+    def begin_run(self, rng):
+        """Draw the first values, which breaks ties."""
+        for i in range(len(self.table)):
+            self.table[i] = self.jitter * (rng.random() - 0.5)
 
     @compiled
     def begin_trial(self, rng):
@@ -219,8 +226,8 @@ class QLearning:
     def agent(self, rng: np.random.Generator) -> QLearningAgent:
         """Return a new agent with a blank table."""
         boxes = make_boxes(self)
-        return QLearningAgent(
-            table=self.jitter * (rng.random(2 * math.prod(boxes.parts)) - 0.5),
+        agent = QLearningAgent(
+            table=np.zeros(2 * math.prod(boxes.parts)),
             boxes=boxes,
             mirrored=self.mirrored,
             move_entries=np.zeros(self.replay_size, np.int64),
@@ -230,7 +237,10 @@ class QLearning:
             discount=self.discount,
             trace_decay=self.trace_decay,
             replay_passes=self.replay_passes,
+            jitter=self.jitter,
         )
+        agent.begin_run(rng)
+        return agent
 
 
 SETTINGS = {

@@ -34,6 +34,7 @@ from upright.agents.parts.episodes import (
 )
 from upright.agents.parts.least_squares import factorise, solve
 from upright.agents.parts.network import (
+    WEIGHTS,
     Activations,
     PolicyNetwork,
     add_gradient,
@@ -79,6 +80,7 @@ class ReinforceAgent(NamedTuple):
     network: PolicyNetwork
     units: Activations
     scales: np.ndarray
+    init_std: float
     logit_scale: float
     probability: np.ndarray
     """Of a push to the right at the present step, shape (1,)."""
@@ -101,6 +103,11 @@ class ReinforceAgent(NamedTuple):
         for i in range(4):
             self.units.inputs[i] = observation[i] / self.scales[i]
         return sigmoid(self.logit_scale * evaluate(self.network, self.units))
+
+    @compiled
+    def begin_run(self, rng):
+        """Draw the first weights."""
+        draw_weights(self.network, self.init_std, rng)
 
     @compiled
     def begin_trial(self, rng):
@@ -312,12 +319,13 @@ class Reinforce:
 
     def agent(self, rng: np.random.Generator) -> ReinforceAgent:
         """Return a new agent with random weights."""
-        weights = draw_weights(rng, self.init_std)
+        weights = np.zeros(WEIGHTS)
         adam = make_adam(weights, self.learning_rate, self.beta1, self.beta2, self.weight_decay)
-        return ReinforceAgent(
+        agent = ReinforceAgent(
             network=network_of(weights),
             units=blank_activations(),
             scales=scales_of(self),
+            init_std=self.init_std,
             logit_scale=self.logit_scale,
             probability=np.zeros(1),
             episodes=make_episodes(self.episodes, self.kept_steps),
@@ -335,6 +343,8 @@ class Reinforce:
             gradient=network_of(adam.gradient),
             adam=adam,
         )
+        agent.begin_run(rng)
+        return agent
 
 
 SETTINGS = {

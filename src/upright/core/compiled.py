@@ -219,6 +219,7 @@ CALLED_BY_THE_LOOP = (
     "reset",
     "step",
     "has_fallen",
+    "begin_run",
     "begin_trial",
     "act",
     "learn",
@@ -226,6 +227,7 @@ CALLED_BY_THE_LOOP = (
     "push_probability",
     "remember",
     "random",
+    "seed",
 )
 
 

@@ -107,13 +107,23 @@ def set_to_zero(gradient):
     gradient.layer_3[:] = 0.0
 
 
-def draw_weights(rng: np.random.Generator, init_std: float) -> np.ndarray:
-    """Return uniform random weights, shape (WEIGHTS,), layer after layer.
+@inlined
+def draw_weights(network, init_std, rng):
+    """Draw uniform random weights, layer after layer.
 
     Their standard deviation is `init_std` divided by the root of a unit's number of inputs.
     """
-    fan_ins = np.repeat([4, HIDDEN_1, HIDDEN_2], [4 * HIDDEN_1, HIDDEN_1 * HIDDEN_2, HIDDEN_2])
-    return init_std * np.sqrt(3.0 / fan_ins) * rng.uniform(-1.0, 1.0, WEIGHTS)
+    draw_layer(network.layer_1.reshape(4 * HIDDEN_1), init_std, 4, rng)
+    draw_layer(network.layer_2.reshape(HIDDEN_1 * HIDDEN_2), init_std, HIDDEN_1, rng)
+    draw_layer(network.layer_3, init_std, HIDDEN_2, rng)
+
+
+@inlined
+def draw_layer(weights, init_std, fan_in, rng):
+    """Draw the weights of a layer, whose units have `fan_in` inputs."""
+    half_width = init_std * math.sqrt(3.0 / fan_in)
+    for i in range(len(weights)):
+        weights[i] = half_width * (2.0 * rng.random() - 1.0)
 
 
 def network_of(row: np.ndarray) -> PolicyNetwork:
