@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -44,6 +45,12 @@ PROGRAMS = {
         "GNU Octave", "UPRIGHT_REQUIRE_OCTAVE", "matlab/install-octave.sh", lambda: IS_THERE
     ),
     "gazebo": Program("Gazebo 11", "UPRIGHT_REQUIRE_GAZEBO", "upright gazebo install", has_gazebo),
+    "wasm": Program(
+        "Node.js or lld",
+        "UPRIGHT_REQUIRE_WASM",
+        "apt-get install nodejs lld",
+        lambda: all(map(shutil.which, ("node", "wasm-ld"))),
+    ),
 }
 
 TESTS = Path(__file__).parent

@@ -1,0 +1,1 @@
+"""Learners as machine code for other machines, by the code that runs here."""

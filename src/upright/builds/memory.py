@@ -1,0 +1,88 @@
+"""One block of memory that holds all numbers and arrays of a learner, wherever it lies.
+
+The numbers come first, each in a place of eight bytes, then the arrays. Those that begin with
+other values than zero are the first, so that little has to be copied when a learner begins.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from upright.builds.numba_inside import Leaf
+
+ALIGNMENT = 8
+"""Every array begins at a multiple of this, in bytes."""
+NUMBERS = {"i8": np.dtype(np.bool_), "i64": np.dtype(np.int64), "double": np.dtype(np.float64)}
+"""Types of numbers by LLVM's names."""
+
+
+class Place(NamedTuple):
+    """Where a number or an array is."""
+
+    name: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    """Empty for a number."""
+    offset: int
+    """In bytes from the beginning of the block."""
+
+
+class Memory:
+    """How the block is laid out, and what it holds at first.
+
+    Parameters
+    ----------
+    leaves
+        What the arguments of all functions consist of. Those of one name are the same.
+    """
+
+    def __init__(self, leaves: Iterable[Leaf]) -> None:
+        known = {leaf.name: leaf for leaf in leaves if not leaf.fixed and leaf.value is not None}
+        self.places: dict[str, Place] = {}
+        """Places by name."""
+        numbers = {n: leaf for n, leaf in known.items() if leaf.kind in NUMBERS}
+        arrays = {n: leaf.value for n, leaf in known.items() if leaf.kind not in NUMBERS}
+        content = bytearray(ALIGNMENT * len(numbers))
+        for i, (name, leaf) in enumerate(numbers.items()):
+            kind, offset = NUMBERS[leaf.kind], ALIGNMENT * i
+            self.places[name] = Place(name, kind, (), offset)
+            _write(content, offset, np.array(leaf.value, kind))
+        owners = {id(_owner(value)): _owner(value) for value in arrays.values()}
+        offsets = {}
+        for owner in sorted(owners.values(), key=lambda owner: not owner.view(np.uint8).any()):
+            content.extend(bytes(-len(content) % ALIGNMENT))
+            offsets[id(owner)] = len(content)
+            content.extend(owner.tobytes())
+        for name, value in arrays.items():
+            owner = _owner(value)
+            offset = offsets[id(owner)] + _address(value) - _address(owner)
+            self.places[name] = Place(name, value.dtype, value.shape, offset)
+        content.extend(bytes(-len(content) % ALIGNMENT))
+        self.size = len(content)
+        """Of the block, in bytes."""
+        self.initial = bytes(content).rstrip(b"\0")
+        """Its first bytes at the beginning; all others are zero."""
+
+    def offset(self, name: str) -> int:
+        """Return where something is, in bytes from the beginning of the block."""
+        return self.places[name].offset
+
+    def arrays(self) -> Iterator[Place]:
+        """Yield the places of the arrays."""
+        return (place for place in self.places.values() if place.shape)
+
+
+def _write(content: bytearray, offset: int, value: np.ndarray) -> None:
+    content[offset : offset + value.nbytes] = value.tobytes()
+
+
+def _owner(value: np.ndarray) -> np.ndarray:
+    """Return the array whose memory a view shows."""
+    while isinstance(value.base, np.ndarray):
+        value = value.base
+    return value
+
+
+def _address(value: np.ndarray) -> int:
+    return int(value.__array_interface__["data"][0])

@@ -1,0 +1,102 @@
+"""Modules for browsers, run by Node.js: every bit is that of the same run here."""
+
+import base64
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from upright.agents import AGENTS
+from upright.builds.learner import build
+from upright.builds.wasm import WASM, link
+from upright.core.conditions import NOISES, noise_of
+from upright.errors import UprightError
+from upright.studies.case import make_case
+from upright.studies.run import make_run
+
+NEEDS_LIBRARY = {"reinforce": "exp, pow", "ase-ace": "erfc"}
+"""Agents that cannot be built, and what they call of the C library."""
+PORTABLE = [name for name in AGENTS.built_in if name not in NEEDS_LIBRARY]
+SHORT = {"steps": 3000, "trials": 25}
+SEED, RUN = 7, 3
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def learner(tmp_path_factory):
+    """Return a function that builds the module of an agent once, into a folder."""
+    folders = {}
+
+    def learner_of(name):
+        if name not in folders:
+            folder = folders[name] = tmp_path_factory.mktemp(name)
+            built = build(make_case(name, **SHORT), WASM)
+            code = link(built.code, ("begin", "seed", "run"))
+            (folder / "learner.wasm").write_bytes(code)
+            places = {p.name: (p.offset, p.dtype.str) for p in built.memory.places.values()}
+            text = json.dumps({"size": built.memory.size, "places": places})
+            (folder / "places.json").write_text(text)
+            folders[name] = folder, built.memory
+        return folders[name]
+
+    return learner_of
+
+
+def run_in_node(folder, noise):
+    numbers = {f"task.noise.{name}": value for name, value in noise_of(noise)._asdict().items()}
+    program = ["node", str(__file__).replace("test_learner.py", "learner.mjs")]
+    command = [*program, str(folder), str(SEED), str(RUN), json.dumps(numbers)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def arrays_in(value, name):
+    if isinstance(value, np.ndarray):
+        yield name, value
+    elif isinstance(value, tuple):
+        fields = getattr(value, "_fields", range(len(value)))
+        for field, part in zip(fields, value, strict=True):
+            yield from arrays_in(part, f"{name}.{field}")
+
+
+@pytest.mark.wasm
+@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("name", PORTABLE)
+def test_a_module_learns_the_same_to_the_bit(learner, name, noise):
+    folder, memory = learner(name)
+    found = run_in_node(folder, noise)
+    agent, result = make_run(make_case(name, noise=noise, **SHORT), SEED, RUN)
+    assert found["imported"] == ["memory"]
+    assert found["success"] == (result.trials if result.success else 0)
+    content = base64.b64decode(found["bytes"])
+    lengths = np.zeros(SHORT["trials"], np.int64)
+    lengths[: result.trials] = result.lengths
+    for array, value in [*arrays_in(agent, "agent"), ("lengths", lengths)]:
+        offset = memory.offset(array)
+        assert content[offset : offset + value.nbytes] == value.tobytes(), array
+
+
+@pytest.mark.wasm
+@pytest.mark.parametrize("name", PORTABLE)
+def test_a_module_is_small(learner, name):
+    largest = 56_000 if name == "adaptive-lqr" else 40_000  # the aim is 40 kB for this one too
+    assert (learner(name)[0] / "learner.wasm").stat().st_size < largest
+
+
+@pytest.mark.parametrize("name", NEEDS_LIBRARY)
+def test_agents_that_call_the_c_library_are_refused(name):
+    with pytest.raises(UprightError, match=f"it calls {NEEDS_LIBRARY[name]} of the C library"):
+        build(make_case(name, **SHORT), WASM)
+
+
+@pytest.mark.wasm
+def test_a_linker_that_fails_is_reported():
+    with pytest.raises(UprightError, match=r"failed: .*learner\.o"):
+        link(b"no object file", ())
+
+
+def test_a_missing_linker_is_reported(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(UprightError, match="wasm-ld is missing: it is in the package lld"):
+        link(b"", ())
