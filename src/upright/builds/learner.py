@@ -7,7 +7,7 @@ import numpy as np
 from upright.builds.machine import Function, Machine, emit
 from upright.builds.memory import Memory
 from upright.builds.numba_inside import lower
-from upright.core.compiled import compiled
+from upright.core.compiled import inlined
 from upright.core.loops import compiled_run
 from upright.core.pcg64 import Pcg64, new_stream
 from upright.studies.case import Case
@@ -59,7 +59,7 @@ def _seed(agent: Any, rng: Pcg64) -> Function:
     return Function(lower(Pcg64.seed, {"rng": rng, "seed": 0, "run": 0}), ("seed", "run"))
 
 
-@compiled
+@inlined
 def _begin_run(agent: Any, rng: Pcg64, seed: int, run: int) -> None:
     rng.seed(seed, run)
     agent.begin_run(rng)

@@ -113,14 +113,16 @@ def draw_weights(network, init_std, rng):
 
     Their standard deviation is `init_std` divided by the root of a unit's number of inputs.
     """
-    draw_layer(network.layer_1.reshape(4 * HIDDEN_1), init_std, 4, rng)
-    draw_layer(network.layer_2.reshape(HIDDEN_1 * HIDDEN_2), init_std, HIDDEN_1, rng)
-    draw_layer(network.layer_3, init_std, HIDDEN_2, rng)
+    for i in range(4):
+        draw_row(network.layer_1[i], init_std, 4, rng)
+    for i in range(HIDDEN_1):
+        draw_row(network.layer_2[i], init_std, HIDDEN_1, rng)
+    draw_row(network.layer_3, init_std, HIDDEN_2, rng)
 
 
 @inlined
-def draw_layer(weights, init_std, fan_in, rng):
-    """Draw the weights of a layer, whose units have `fan_in` inputs."""
+def draw_row(weights, init_std, fan_in, rng):
+    """Draw a row of weights to units that have `fan_in` inputs."""
     half_width = init_std * math.sqrt(3.0 / fan_in)
     for i in range(len(weights)):
         weights[i] = half_width * (2.0 * rng.random() - 1.0)
