@@ -36,7 +36,7 @@ class Quirks:
     """Newtons for a command of 1."""
     velocities: bool = True
     broken_after: int = 0
-    """This measurement of the position is broken; 0: none."""
+    """From this measurement on, that of the position is broken; 0: never."""
     broken: float = math.nan
     """What a broken sensor measures."""
     garbage_after: int = 0
@@ -128,7 +128,7 @@ class QuirkyCart(Node):
         message = JointState(name=list(quirks.names))
         message.position = [a * x + b, c * theta + d]
         message.velocity = [a * x_dot, c * theta_dot] if quirks.velocities else []
-        if self.number == quirks.broken_after:
+        if 0 < quirks.broken_after <= self.number:
             message.position[0] = quirks.broken
         if quirks.stamped:
             now = time.time() + quirks.jump * (time.time() - self.pushed > 1)
