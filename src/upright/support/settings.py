@@ -39,9 +39,10 @@ def values_of(settings: Fields) -> dict[str, Any]:
 
 def require_ranges(settings: Fields) -> None:
     """Raise UprightError unless each number is within the settings' `RANGES`."""
+    ranges = ranges_of(settings)
     for field in fields(settings):
-        if field.name in ranges_of(settings):
-            low, high = ranges_of(settings)[field.name]
+        if field.name in ranges:
+            low, high = ranges[field.name]
             whole = isinstance(field.default, int)
             require(field.name, getattr(settings, field.name), low, high, whole=whole)
 
