@@ -12,6 +12,7 @@ from upright.builds.learner import build
 from upright.builds.wasm import WASM, link
 from upright.core.conditions import NOISES, noise_of
 from upright.errors import UprightError
+from upright.policies.npz_file import arrays_of
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 
@@ -51,15 +52,6 @@ def run_in_node(folder, noise):
     return json.loads(done.stdout)
 
 
-def arrays_in(value, name):
-    if isinstance(value, np.ndarray):
-        yield name, value
-    elif isinstance(value, tuple):
-        fields = getattr(value, "_fields", range(len(value)))
-        for field, part in zip(fields, value, strict=True):
-            yield from arrays_in(part, f"{name}.{field}")
-
-
 @pytest.mark.wasm
 @pytest.mark.parametrize("noise", NOISES)
 @pytest.mark.parametrize("name", PORTABLE)
@@ -72,7 +64,7 @@ def test_a_module_learns_the_same_to_the_bit(learner, name, noise):
     content = base64.b64decode(found["bytes"])
     lengths = np.zeros(SHORT["trials"], np.int64)
     lengths[: result.trials] = result.lengths
-    for array, value in [*arrays_in(agent, "agent"), ("lengths", lengths)]:
+    for array, value in [*arrays_of(agent, "agent."), ("lengths", lengths)]:
         offset = memory.offset(array)
         assert content[offset : offset + value.nbytes] == value.tobytes(), array
 

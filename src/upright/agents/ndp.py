@@ -29,6 +29,7 @@ import numpy as np
 from upright.agents.parts import policy_form
 from upright.agents.parts.scales import check_scales, scales_of
 from upright.core.compiled import compiled, inlined
+from upright.core.noise import uniform
 from upright.core.parameters import LARGEST
 from upright.errors import require, require_one_of
 from upright.support.short_repr import short_repr
@@ -330,7 +331,7 @@ def draw(network, init_range, rng):
     for layer in (network.layer_1, network.layer_2):
         for i in range(layer.shape[0]):
             for k in range(layer.shape[1]):
-                layer[i, k] = init_range * (2.0 * rng.random() - 1.0)
+                layer[i, k] = uniform(init_range, rng)
 
 
 # ---- Settings ------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ def build(case: Case, machine: Machine) -> Built:
 
     - ``begin(memory)`` sets all numbers to those of a new learner;
     - ``seed(memory, seed, run)`` draws what a new learner draws, so that what follows is the run
-      with this number of a study with this seed;
+      with this number of a study with this seed, both below 2³²;
     - ``run(memory)`` is the run; it returns the number of the trial that succeeded, or 0.
 
     Raises

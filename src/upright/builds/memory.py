@@ -4,7 +4,7 @@ The numbers come first, each in a place of eight bytes, then the arrays. Those t
 other values than zero are the first, so that little has to be copied when a learner begins.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +47,8 @@ class Memory:
         for i, (name, leaf) in enumerate(numbers.items()):
             kind, offset = NUMBERS[leaf.kind], ALIGNMENT * i
             self.places[name] = Place(name, kind, (), offset)
-            _write(content, offset, np.array(leaf.value, kind))
+            number = np.array(leaf.value, kind).tobytes()
+            content[offset : offset + len(number)] = number
         owners = {id(_owner(value)): _owner(value) for value in arrays.values()}
         offsets = {}
         for owner in sorted(owners.values(), key=lambda owner: not owner.view(np.uint8).any()):
@@ -67,14 +68,6 @@ class Memory:
     def offset(self, name: str) -> int:
         """Return where something is, in bytes from the beginning of the block."""
         return self.places[name].offset
-
-    def arrays(self) -> Iterator[Place]:
-        """Yield the places of the arrays."""
-        return (place for place in self.places.values() if place.shape)
-
-
-def _write(content: bytearray, offset: int, value: np.ndarray) -> None:
-    content[offset : offset + value.nbytes] = value.tobytes()
 
 
 def _owner(value: np.ndarray) -> np.ndarray:

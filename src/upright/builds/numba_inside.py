@@ -101,8 +101,8 @@ def _leaves(name: str, value: Any) -> Iterator[Leaf]:
     if value is None:
         yield Leaf(name, "ptr", None)
     elif isinstance(value, np.ndarray):
-        for part, number in (("meminfo", None), ("parent", None)):
-            yield Leaf(f"{name}.{part}", "ptr", number)
+        for part in ("meminfo", "parent"):
+            yield Leaf(f"{name}.{part}", "ptr", None)
         yield Leaf(f"{name}.size", "i64", value.size, fixed=True)
         yield Leaf(f"{name}.itemsize", "i64", value.itemsize, fixed=True)
         yield Leaf(name, "ptr", value)

@@ -16,7 +16,8 @@ from upright.core.portable_math import cosine_of_turns, logarithm
 
 
 @inlined
-def _uniform(half_width: float, rng: np.random.Generator) -> float:
+def uniform(half_width: float, rng: np.random.Generator) -> float:
+    """Return a uniform number in ± a half-width."""
     return half_width * (2.0 * rng.random() - 1.0)
 
 
@@ -31,7 +32,7 @@ def _normal(rng: np.random.Generator) -> float:
 def disturb(noise: Noise, force: float, rng: np.random.Generator) -> float:
     """Return the force [N] that acts when `force` is commanded."""
     if noise.actuator > 0.0:
-        force *= 1.0 + _uniform(noise.actuator, rng)
+        force *= 1.0 + uniform(noise.actuator, rng)
     return force
 
 
@@ -40,11 +41,11 @@ def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
     """Return what the agent measures of the true state."""
     x, x_dot, theta, theta_dot = state.x, state.x_dot, state.theta, state.theta_dot
     if noise.angle > 0.0:
-        theta *= 1.0 + _uniform(noise.angle, rng)
+        theta *= 1.0 + uniform(noise.angle, rng)
     if noise.others > 0.0:
-        x *= 1.0 + _uniform(noise.others, rng)
-        x_dot *= 1.0 + _uniform(noise.others, rng)
-        theta_dot *= 1.0 + _uniform(noise.others, rng)
+        x *= 1.0 + uniform(noise.others, rng)
+        x_dot *= 1.0 + uniform(noise.others, rng)
+        theta_dot *= 1.0 + uniform(noise.others, rng)
     if noise.angle_offset > 0.0:
         theta += noise.angle_offset * _normal(rng)
     if noise.hides_velocities:
@@ -56,8 +57,8 @@ def measure(noise: Noise, state: State, rng: np.random.Generator) -> State:
 def draw_start(half_widths: State, rng: np.random.Generator) -> State:
     """Return a start state with each component uniform in ± its half-width."""
     return State(
-        _uniform(half_widths.x, rng),
-        _uniform(half_widths.x_dot, rng),
-        _uniform(half_widths.theta, rng),
-        _uniform(half_widths.theta_dot, rng),
+        uniform(half_widths.x, rng),
+        uniform(half_widths.x_dot, rng),
+        uniform(half_widths.theta, rng),
+        uniform(half_widths.theta_dot, rng),
     )

@@ -26,7 +26,9 @@ _LOG_2_HIGH, _LOG_2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 """log 2 as the sum of two floats; products of the first with small integers are exact."""
 _H2, _H3, _H4, _H5, _H6, _H7, _H8, _H9, _H10, _H11 = (1 / math.factorial(k) for k in range(2, 12))
 _NEAR_ZERO, _ONE = 0.2, 20.0
+"""Where tanh is found by series, and beyond which it is 1."""
 _CENTRE, _TAIL, _END = 0.46875, 4.0, 26.0
+"""Where erfc is found by one rational function and by the next, and beyond which it is 0."""
 _ROOT_PI_INVERSE = 1 / math.sqrt(math.pi)
 _A = (
     *(3.16112374387056560e00, 1.13864154151050156e02, 3.77485237685302021e02),
@@ -54,6 +56,7 @@ _Q = (
     *(2.56852019228982242e00, 1.87295284992346725e00, 5.27905102951428412e-1),
     *(6.05183413124413191e-2, 2.33520497626869185e-3),
 )
+"""The coefficients of these rational functions: Cody's, of the least degrees for 16 digits."""
 _ROOT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
 _MANTISSA_BITS = 52
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.core.compiled import inlined
+from upright.core.noise import uniform
 
 HIDDEN_1, HIDDEN_2 = 8, 16
 """Units of the two hidden layers (the report's figure 2)."""
@@ -125,7 +126,7 @@ def draw_row(weights, init_std, fan_in, rng):
     """Draw a row of weights to units that have `fan_in` inputs."""
     half_width = init_std * math.sqrt(3.0 / fan_in)
     for i in range(len(weights)):
-        weights[i] = half_width * (2.0 * rng.random() - 1.0)
+        weights[i] = uniform(half_width, rng)
 
 
 def network_of(row: np.ndarray) -> PolicyNetwork:
