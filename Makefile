@@ -9,7 +9,7 @@ KILLS ?= 1000
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: help reproduce test coverage bounds fuzz crash test-matlab test-sb3 octave gazebo lint \
-	benchmark release clean
+	benchmark records release clean
 help:
 	@echo "make reproduce   the published tables again, with pictures, into results/ (RUNS=20)"
 	@echo "make test        all checks: lint, format, types, tests"
@@ -22,6 +22,7 @@ help:
 	@echo "make test-matlab the tests of the MATLAB twin alone"
 	@echo "make test-sb3    the environments and the protocol with Stable-Baselines3, some gigabytes"
 	@echo "make benchmark   speed beside C, Gymnasium and NumPy, into docs/"
+	@echo "make records     all recorded results again, into docs/, two hours; goes on where it stopped"
 	@echo "make release     check, build and try a release, into dist/; nothing is published"
 	@echo "make clean       remove the environment and everything made"
 
@@ -89,6 +90,67 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
 	$(BIN)/python benchmarks/disturbances.py --output docs/disturbances.md
 	$(BIN)/python benchmarks/scale.py --output docs/scale.md
+
+# What agents reached. Stores keep the runs; those of other code are not used.
+TABLE := $(BIN)/upright table --runs 100 --format markdown
+GAPS := $(BIN)/upright table --runs 100 --noises none --settings as-published \
+  --store docs/results/report-settings.sqlite
+OTHER_BOXES := --set 'x_edges=(-1.6,1.6)' --set 'x_dot_edges=(0.0,)' \
+  --set 'theta_edges=(-0.0524,-0.0175,0.0175,0.0524)' \
+  --set 'theta_dot_edges=(-0.873,-0.524,-0.209,0.0,0.209,0.524,0.873)'
+RECORDS := $(addprefix docs/, leaderboard.md robust.md first-hour.md pictures/sweep.png pictures/play.gif) \
+  $(addprefix docs/results/, report.md reinforce-600000.md ndp-zero.md ndp-random.md \
+  all-measurements-zero.md all-measurements-random.md report-settings.md matlab.md gazebo.md)
+
+.PHONY: $(RECORDS)
+records: $(RECORDS)
+
+docs/leaderboard.md docs/robust.md: .venv/developed
+	$(BIN)/upright $(basename $(@F)) --output $@ --store docs/results/$(basename $(@F)).sqlite
+
+docs/first-hour.md: .venv/developed
+	$(BIN)/python tools/record_transcript.py $@
+
+docs/pictures/sweep.png: .venv/developed
+	$(BIN)/upright table --agents adaptive-lqr,q-learning,random-search --noises none \
+	  --parameter half_length=0.25:2:8:log --runs 20 --store docs/results/sweep.sqlite \
+	  --format json --output docs/results/sweep.json
+	$(BIN)/upright plot sweep docs/results/sweep.sqlite --output $@
+
+docs/pictures/play.gif: .venv/developed
+	$(BIN)/upright learn reinforce --noise gaussian-0.2 --seed 1 --save docs/results/policy.npz --quiet
+	$(BIN)/upright play docs/results/policy.npz --start wide --seed 24 --steps 220 --video $@
+
+docs/results/report.md: .venv/developed
+	$(BIN)/upright reproduce --runs 100 --output docs/results
+
+docs/results/reinforce-600000.md: .venv/developed
+	$(TABLE) --agents reinforce,random-search --steps 600000 --output $@
+
+docs/results/ndp-zero.md docs/results/ndp-random.md: docs/results/ndp-%.md: .venv/developed
+	$(TABLE) --agents ndp --settings as-published --steps 600000 --start $* --output $@
+
+docs/results/all-measurements-zero.md docs/results/all-measurements-random.md: \
+  docs/results/all-measurements-%.md: .venv/developed
+	$(TABLE) --agents adaptive-lqr,random-search --noises all-5,all-10 --steps 600000 \
+	  --start $* --output $@
+
+docs/results/report-settings.md: .venv/developed
+	$(GAPS) --agents reinforce --set init_std=0.5,1.0 --set baseline=mean,fitted \
+	  --set beta1=0.0,0.9 --set episodes=1,8
+	$(GAPS) --agents reinforce --set learning_rate=0.01,0.03,0.1,0.3
+	$(GAPS) --agents reinforce --set x_scale=2.4 --set x_dot_scale=1.5 \
+	  --set theta_scale=0.2094 --set theta_dot_scale=2.0
+	$(GAPS) --agents q-learning --set mirrored=False,True --set jitter=1e-06,0.001
+	$(GAPS) --agents q-learning --set mirrored=False,True $(OTHER_BOXES)
+	$(BIN)/upright show docs/results/report-settings.sqlite --format markdown --output $@
+
+docs/results/matlab.md: .venv/developed octave
+	$(BIN)/upright matlab table --runs 100 --format markdown --output $@
+
+docs/results/gazebo.md: .venv/developed gazebo
+	$(BIN)/upright table --plant gazebo --agents reinforce,adaptive-lqr,random-search \
+	  --noises none,gaussian-0.1 --runs 10 --format markdown --output $@
 
 release: .venv/developed
 	$(BIN)/python tools/release.py

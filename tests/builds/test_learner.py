@@ -16,9 +16,6 @@ from upright.policies.npz_file import arrays_of
 from upright.studies.case import make_case
 from upright.studies.run import make_run
 
-NEEDS_LIBRARY = {"reinforce": "exp, pow", "ase-ace": "erfc"}
-"""Agents that cannot be built, and what they call of the C library."""
-PORTABLE = [name for name in AGENTS.built_in if name not in NEEDS_LIBRARY]
 SHORT = {"steps": 3000, "trials": 25}
 SEED, RUN = 7, 3
 pytestmark = pytest.mark.slow
@@ -54,7 +51,7 @@ def run_in_node(folder, noise):
 
 @pytest.mark.wasm
 @pytest.mark.parametrize("noise", NOISES)
-@pytest.mark.parametrize("name", PORTABLE)
+@pytest.mark.parametrize("name", AGENTS.built_in)
 def test_a_module_learns_the_same_to_the_bit(learner, name, noise):
     folder, memory = learner(name)
     found = run_in_node(folder, noise)
@@ -73,12 +70,6 @@ def test_a_module_learns_the_same_to_the_bit(learner, name, noise):
 @pytest.mark.parametrize("name", ["q-learning", "random-search", "ndp"])
 def test_a_module_is_small(learner, name):
     assert (learner(name)[0] / "learner.wasm").stat().st_size < 40_000
-
-
-@pytest.mark.parametrize("name", NEEDS_LIBRARY)
-def test_agents_that_call_the_c_library_are_refused(name):
-    with pytest.raises(UprightError, match=f"it calls {NEEDS_LIBRARY[name]} of the C library"):
-        build(make_case(name, **SHORT), WASM)
 
 
 @pytest.mark.wasm

@@ -95,13 +95,29 @@ def test_compiled_and_plain_results_have_the_same_bits():
         assert compiled_cosine_of_turns(u) == cosine_of_turns(u)
 
 
+@compiled
+def compiled_exponential(x):
+    return exponential(x)
+
+
 @given(number(-700, 700))
 def test_exponential_agrees_with_the_library(x):
-    assert exponential(x) == pytest.approx(math.exp(x), rel=1e-15, abs=0)
+    assert compiled_exponential(x) == pytest.approx(math.exp(x), rel=1e-15, abs=0)
+    assert compiled_exponential(x) == exponential(x)
 
 
 def test_exponential_of_zero_is_exact():
     assert exponential(0.0) == exponential(-0.0) == 1.0
+
+
+@pytest.mark.parametrize("x", [700.1, 1e300, math.inf])
+def test_exponential_stays_where_it_is_beyond_its_range(x):
+    assert compiled_exponential(x) == exponential(700.0)
+    assert compiled_exponential(-x) == exponential(-700.0) > 0.0
+
+
+def test_exponential_of_nan_is_nan():
+    assert math.isnan(compiled_exponential(math.nan))
 
 
 # ---- Power, tanh and erfc, as compiled code calls them -------------------------------------------

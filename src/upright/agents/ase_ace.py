@@ -41,6 +41,7 @@ from upright.agents.parts.boxes import (
 )
 from upright.core.compiled import compiled, inlined
 from upright.core.parameters import LARGEST
+from upright.core.portable_math import error_function_complement
 from upright.errors import require
 from upright.support.short_repr import short_repr
 
@@ -81,7 +82,8 @@ class AseAceAgent(NamedTuple):
     def push_probability(self, observation):
         """Return the probability that the weight plus noise is above zero."""
         box, side = find_place(self, observation)
-        return 0.5 * math.erfc(-side * self.weights[box] / (math.sqrt(2.0) * self.noise))
+        distance = -side * self.weights[box] / (math.sqrt(2.0) * self.noise)
+        return 0.5 * error_function_complement(distance)
 
     @compiled
     def begin_trial(self, rng):

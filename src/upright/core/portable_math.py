@@ -24,9 +24,13 @@ _L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9 = (1 / (2 * k + 1) for k in range(1,
 _LOG_2 = math.log(2.0)
 _LOG_2_HIGH, _LOG_2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 """log 2 as the sum of two floats; products of the first with small integers are exact."""
-_H2, _H3, _H4, _H5, _H6, _H7, _H8, _H9, _H10, _H11 = (1 / math.factorial(k) for k in range(2, 12))
-_NEAR_ZERO, _ONE = 0.2, 20.0
-"""Where tanh is found by series, and beyond which it is 1."""
+_E2, _E3, _E4, _E5, _E6, _E7, _E8, _E9, _E10, _E11, _E12, _E13 = (
+    1 / math.factorial(k) for k in range(2, 14)
+)
+_LARGEST_POWER = 700.0
+"""Beyond e to this, and below e to less this, `exponential` stays where it is."""
+_NEAR_ZERO = 0.2
+"""Where tanh is found by series."""
 _CENTRE, _TAIL, _END = 0.46875, 4.0, 26.0
 """Where erfc is found by one rational function and by the next, and beyond which it is 0."""
 _ROOT_PI_INVERSE = 1 / math.sqrt(math.pi)
@@ -119,18 +123,24 @@ def logarithm(x: float) -> float:
 
 @inlined
 def exponential(x: float) -> float:
-    """Return e to the power of a number from -700 to 700, with a relative error of 1e-15.
+    """Return e^x, with a relative error of 1e-15 from -700 to 700, and beyond that e^±700.
 
     x = n log 2 + r with |r| up to log 2 / 2; e^r by its series, then n doublings or halvings by the
     exponent of the result.
     """
-    n = (x * (1 / _LOG_2) + _ROUND) - _ROUND
+    x = _LARGEST_POWER if x > _LARGEST_POWER else x
+    x = -_LARGEST_POWER if x < -_LARGEST_POWER else x
+    shifted = x * (1 / _LOG_2) + _ROUND
+    n = shifted - _ROUND
     r = (x - n * _LOG_2_HIGH) - n * _LOG_2_LOW
-    series = 1.0
-    for k in range(14, 0, -1):
-        series = 1.0 + series * r * (1.0 / k)
-    bits = np.float64(series).view(np.int64) + (np.int64(n) << _MANTISSA_BITS)
-    return np.int64(bits).view(np.float64)
+    z = r * r
+    z2 = z * z
+    series = (_E2 + r * _E3) + z * (_E4 + r * _E5) + z2 * ((_E6 + r * _E7) + z * (_E8 + r * _E9))
+    series += z2 * z2 * ((_E10 + r * _E11) + z * (_E12 + r * _E13))
+    mantissa = 1.0 + (r + z * series)
+    # The last bits of `shifted` are n; converting it would be undefined where x is not a number.
+    doublings = np.float64(shifted).view(np.int64) << _MANTISSA_BITS
+    return np.int64(np.float64(mantissa).view(np.int64) + doublings).view(np.float64)
 
 
 @inlined
@@ -157,9 +167,9 @@ def hyperbolic_tangent(x: float) -> float:
     """
     if abs(x) < _NEAR_ZERO:
         z = x * x
-        sine = x + x * z * (_H3 + z * (_H5 + z * (_H7 + z * (_H9 + z * _H11))))
-        return sine / (1.0 + z * (_H2 + z * (_H4 + z * (_H6 + z * (_H8 + z * _H10)))))
-    tail = 2.0 / (exponential(2.0 * min(abs(x), _ONE)) + 1.0)
+        sine = x + x * z * (_E3 + z * (_E5 + z * (_E7 + z * (_E9 + z * _E11))))
+        return sine / (1.0 + z * (_E2 + z * (_E4 + z * (_E6 + z * (_E8 + z * _E10)))))
+    tail = 2.0 / (exponential(2.0 * abs(x)) + 1.0)
     return 1.0 - tail if x > 0.0 else tail - 1.0
 
 

@@ -273,7 +273,7 @@ def _acting_force(rig: Rig, noise: Noise, push: float, rng: np.random.Generator,
         place = RINGS + int(memory[STEPS, i]) % rig.delay
         push, memory[place, i] = memory[place, i], push
     if rig.lag > 0.0:  # the exact response of a first-order motor to a push that holds for a step
-        push += (memory[FORCE, i] - push) * exponential(-min(h / rig.lag, 700.0))
+        push += (memory[FORCE, i] - push) * exponential(-h / rig.lag)
         memory[FORCE, i] = push
     push = math.copysign(max(abs(push) - rig.dead_zone, 0.0), push)
     push = disturb(noise, min(max(push, -rig.saturation), rig.saturation), rng)

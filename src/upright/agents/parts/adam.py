@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from upright.core.compiled import inlined
+from upright.core.portable_math import whole_power
 
 EPSILON = 1e-8
 """ε: keeps the step finite where the gradient has always been zero."""
@@ -65,8 +66,8 @@ def ascend(adam):
     """
     w, m, v = adam.weights, adam.mean, adam.mean_square
     adam.steps[0] += 1.0
-    m_correction = 1.0 - adam.beta1 ** adam.steps[0]
-    v_correction = 1.0 - adam.beta2 ** adam.steps[0]
+    m_correction = 1.0 - whole_power(adam.beta1, adam.steps[0])
+    v_correction = 1.0 - whole_power(adam.beta2, adam.steps[0])
     for i in range(len(w)):
         g = adam.gradient[i]
         m[i] += (1.0 - adam.beta1) * (g - m[i])

@@ -11,6 +11,7 @@ import numpy as np
 
 from upright.core.compiled import inlined
 from upright.core.noise import uniform
+from upright.core.portable_math import exponential
 
 HIDDEN_1, HIDDEN_2 = 8, 16
 """Units of the two hidden layers (the report's figure 2)."""
@@ -42,7 +43,7 @@ class Activations(NamedTuple):
 @inlined
 def sigmoid(z):
     """Return the logistic function."""
-    return 1.0 / (1.0 + math.exp(-z))
+    return 1.0 / (1.0 + exponential(-z))
 
 
 @inlined
