@@ -17,6 +17,6 @@ for (const [name, value] of Object.entries(JSON.parse(numbers))) {
   else view.setFloat64(0, value, true);
 }
 exports.seed(learner, Number(seed), Number(run));
-const success = Number(exports.run(learner));
+while (exports.advance(learner, 2 ** 31 - 1) > 0);
 const bytes = Buffer.from(memory.buffer, learner, size).toString("base64");
-console.log(JSON.stringify({ imported, success, bytes }));
+console.log(JSON.stringify({ imported, bytes }));

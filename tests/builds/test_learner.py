@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from upright.agents import AGENTS
-from upright.builds.learner import build
+from upright.builds.learner import build_learner
 from upright.builds.wasm import WASM, link
 from upright.core.conditions import NOISES, noise_of
+from upright.core.trials import FAILED, SUCCEEDED
 from upright.errors import UprightError
 from upright.policies.npz_file import arrays_of
 from upright.studies.case import make_case
@@ -29,8 +30,8 @@ def learner(tmp_path_factory):
     def learner_of(name):
         if name not in folders:
             folder = folders[name] = tmp_path_factory.mktemp(name)
-            built = build(make_case(name, **SHORT), WASM)
-            code = link(built.code, ("begin", "seed", "run"))
+            built = build_learner(make_case(name, **SHORT), WASM)
+            code = link(built.code, ("begin", "seed", "advance", "push_probability"))
             (folder / "learner.wasm").write_bytes(code)
             places = {p.name: (p.offset, p.dtype.str) for p in built.memory.places.values()}
             text = json.dumps({"size": built.memory.size, "places": places})
@@ -57,17 +58,18 @@ def test_a_module_learns_the_same_to_the_bit(learner, name, noise):
     found = run_in_node(folder, noise)
     agent, result = make_run(make_case(name, noise=noise, **SHORT), SEED, RUN)
     assert found["imported"] == ["memory"]
-    assert found["success"] == (result.trials if result.success else 0)
     content = base64.b64decode(found["bytes"])
     lengths = np.zeros(SHORT["trials"], np.int64)
     lengths[: result.trials] = result.lengths
-    for array, value in [*arrays_of(agent, "agent."), ("lengths", lengths)]:
+    stage = SUCCEEDED if result.success else FAILED
+    ended = [("lengths", lengths), ("progress.stage", np.array([stage]))]
+    for array, value in [*arrays_of(agent, "agent."), *ended]:
         offset = memory.offset(array)
         assert content[offset : offset + value.nbytes] == value.tobytes(), array
 
 
 @pytest.mark.wasm
-@pytest.mark.parametrize("name", ["q-learning", "random-search", "ndp"])
+@pytest.mark.parametrize("name", AGENTS.built_in)
 def test_a_module_is_small(learner, name):
     assert (learner(name)[0] / "learner.wasm").stat().st_size < 40_000
 

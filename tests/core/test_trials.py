@@ -21,7 +21,7 @@ from upright.core.compiled import is_compiled
 from upright.core.loops import compiled_run
 from upright.core.parameters import Parameters, State
 from upright.core.task import Task
-from upright.core.trials import run, trial
+from upright.core.trials import FAILED, SUCCEEDED, advance, new_progress, run, trial
 from upright.plants.equations import equations
 
 
@@ -55,6 +55,36 @@ def test_the_compiled_loop_is_the_python_loop(name, settings, noise):
     assert outcomes[0] == outcomes[1]
     if name != "adaptive-lqr":  # which may balance at once, but then has learned at every step
         assert len(set(outcomes[0][0])) > 1, "trials differ, so the comparison means something"
+
+
+@pytest.mark.parametrize("pieces", [1, 7, 10**9])
+@pytest.mark.parametrize("noise", ["none", "all-10"])
+def test_a_run_in_pieces_is_the_run(pieces, noise):
+    task = make_task(noise=noise, steps=200, trials=60)._replace(start=HARD_START)
+    settings, outcomes = AGENTS.settings("q-learning")["default"], []
+    for seed in (1, 2):
+        agents = [settings.agent(np.random.default_rng(0)) for _ in range(2)]
+        lengths, rng, progress = np.zeros(60, np.int64), np.random.default_rng(seed), new_progress()
+        plant = equations()
+        while progress.stage[0] < SUCCEEDED:
+            assert 0 < advance(agents[0], plant, task, rng, progress, lengths, pieces) <= pieces
+        assert advance(agents[0], plant, task, rng, progress, lengths, pieces) == 0
+        made = np.trim_zeros(lengths, "b").tolist()
+        assert made == go(run, agents[1], equations(), task, seed)
+        assert all(map(np.array_equal, arrays(agents[0]), arrays(agents[1])))
+        assert (progress.trials[0], progress.steps[0]) == (len(made), made[-1])
+        outcomes.append(int(progress.stage[0]))
+    assert SUCCEEDED in outcomes
+
+
+def test_a_run_in_pieces_ends_after_the_last_trial():
+    task = make_task(steps=200, trials=2)._replace(start=HARD_START)
+    agent, progress = LinearAgent(*POOR_WEIGHTS), new_progress()
+    lengths = np.zeros(2, np.int64)
+    advance(agent, equations(), task, np.random.default_rng(1), progress, lengths, 10**9)
+    assert progress.stage[0] == FAILED
+    assert progress.trials[0] == 2
+    assert lengths.all()
 
 
 # ------------------------------------------------------------------------------ an agent in Python

@@ -10,7 +10,7 @@ from upright.builds.memory import Memory
 from upright.builds.numba_inside import Leaf, Lowered
 from upright.errors import UprightError
 
-OWN = re.compile(r"llvm\.(?!(?:exp|pow|log|sin|cos|tan))")
+OWN = re.compile(r"llvm\.(?!(?:exp|exp2|pow|powi|log|log2|log10|sin|cos|tan)\.)")
 """Names of what a machine does by itself; the others are functions of its C library."""
 
 
@@ -27,18 +27,36 @@ class Function(NamedTuple):
 
     lowered: Lowered
     given: tuple[str, ...] = ()
-    """Names of the arguments that the caller gives, as numbers of 32 bits."""
+    """Names of the arguments that the caller gives, number by number."""
+
+    def is_given(self, leaf: Leaf) -> bool:
+        """Whether the caller gives a number, or else memory holds it."""
+        return leaf.name.partition(".")[0] in self.given
 
     def leaves(self) -> list[Leaf]:
         """Return what its other arguments consist of, which is taken from memory."""
-        return [leaf for leaf in self.lowered.leaves if leaf.name not in self.given]
+        return [leaf for leaf in self.lowered.leaves if not self.is_given(leaf)]
 
 
-def emit(functions: Mapping[str, Function], memory: Memory, machine: Machine) -> bytes:
+def emit(
+    functions: Mapping[str, Function], memory: Memory, machine: Machine, prefix: str = ""
+) -> bytes:
     """Return an object file.
 
-    Each function takes a pointer to the memory of a learner, then what it is given. Another one,
-    `begin`, sets the memory to what it holds at first.
+    Each function takes a pointer to the memory, then what it is given, and returns a number or
+    nothing. Whole numbers and truth values have 32 bits there. Another function, `begin`, sets the
+    memory to what it holds at first.
+
+    Parameters
+    ----------
+    functions
+        Functions by the names that they get.
+    memory
+        How their memory is laid out.
+    machine
+        What to build for.
+    prefix
+        What all names begin with.
 
     Raises
     ------
@@ -51,17 +69,21 @@ def emit(functions: Mapping[str, Function], memory: Memory, machine: Machine) ->
         cpu=machine.cpu, features=machine.features, opt=3, reloc="static"
     )
     layout = str(target.target_data)
-    module = llvm.parse_assembly(_begin(memory))
+    module = llvm.parse_assembly(_begin(f"{prefix}begin", memory))
     module.triple, module.data_layout = machine.triple, layout
     for name, function in functions.items():
         text = _retargeted(function.lowered.text, machine.triple, layout)
-        module.link_in(llvm.parse_assembly(text + _wrapper(name, function, memory)))
+        module.link_in(llvm.parse_assembly(text + _wrapper(prefix + name, function, memory)))
     _refuse_library(module)
+    exported = {prefix + name for name in ("begin", *functions)}
     for each in module.functions:
-        if not each.is_declaration and each.name not in (*functions, "begin"):
+        if not each.is_declaration and each.name not in exported:
             each.linkage = llvm.Linkage.internal
     module.verify()
-    builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=2))
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_unrolling = False  # which doubles the size and gains nothing that was measured
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(target, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(target.emit_object(module))
 
@@ -88,7 +110,7 @@ def _retargeted(text: str, triple: str, layout: str) -> str:
     return f"{text}\ndeclare double @llvm.sqrt.f64(double)\n"
 
 
-def _begin(memory: Memory) -> str:
+def _begin(name: str, memory: Memory) -> str:
     """Return the code of a function that sets the memory to what it holds at first."""
     count, rest = len(memory.initial), memory.size - len(memory.initial)
     content = "".join(f"\\{byte:02x}" for byte in memory.initial)
@@ -96,7 +118,7 @@ def _begin(memory: Memory) -> str:
 @initial = internal constant [{count} x i8] c"{content}", align 8
 declare void @llvm.memcpy.p0.p0.i32(ptr, ptr, i32, i1)
 declare void @llvm.memset.p0.i32(ptr, i8, i32, i1)
-define void @begin(ptr %memory) {{
+define void @{name}(ptr %memory) {{
   call void @llvm.memcpy.p0.p0.i32(ptr %memory, ptr @initial, i32 {count}, i1 false)
   %rest = getelementptr i8, ptr %memory, i32 {count}
   call void @llvm.memset.p0.i32(ptr %rest, i8 0, i32 {rest}, i1 false)
@@ -106,29 +128,53 @@ define void @begin(ptr %memory) {{
 
 
 def _wrapper(name: str, function: Function, memory: Memory) -> str:
-    """Return the code of a function that takes its arguments from memory."""
+    """Return the code of a function that takes its arguments from memory, or is given them."""
     lowered = function.lowered
-    lines, passed = [], ["ptr %result", "ptr %exception"]
+    lines, parameters, passed = [], ["ptr %memory"], ["ptr %result", "ptr %exception"]
     for i, leaf in enumerate(lowered.leaves):
-        if leaf.name in function.given:
-            lines.append(f"%v{i} = zext i32 %{leaf.name} to i64")
-            passed.append(f"i64 %v{i}")
+        if function.is_given(leaf):
+            parameters.append(f"{OUTSIDE[leaf.kind]} %g{i}")
+            code, value = _inwards(i, leaf.kind)
         else:
             code, value = _argument(i, leaf, memory)
-            lines += code
-            passed.append(f"{leaf.kind} {value}")
-    given = "".join(f", i32 %{each}" for each in function.given)
+        lines += code
+        passed.append(f"{leaf.kind} {value}")
+    result = OUTSIDE[lowered.result]
     body = "\n  ".join(lines)
     return f"""
-define {lowered.result} @{name}(ptr %memory{given}) {{
+define {result} @{name}({", ".join(parameters)}) {{
   %result = alloca {lowered.result}, align 8
   %exception = alloca ptr, align 8
   {body}
   %status = call i32 @"{lowered.symbol}"({", ".join(passed)})
-  %returned = load {lowered.result}, ptr %result, align 8
-  ret {lowered.result} %returned
+  {_returned(lowered.result)}
 }}
 """
+
+
+OUTSIDE = {"i64": "i32", "i8": "i32", "double": "double", "ptr": "void"}
+"""What callers give and get for each of Numba's types; its pointer to a result may be to none."""
+
+
+def _inwards(i: int, kind: str) -> tuple[list[str], str]:
+    """Return the code that makes one of Numba's numbers of what is given, and what it is called."""
+    if kind == "i64":
+        return [f"%v{i} = zext i32 %g{i} to i64"], f"%v{i}"
+    if kind == "i8":
+        truth = [f"%t{i} = icmp ne i32 %g{i}, 0", f"%v{i} = zext i1 %t{i} to i8"]
+        return truth, f"%v{i}"
+    return [], f"%g{i}"
+
+
+def _returned(kind: str) -> str:
+    """Return the code that returns a result of Numba's."""
+    if kind == "ptr":
+        return "ret void"
+    load = f"%returned = load {kind}, ptr %result, align 8"
+    if kind == "double":
+        return f"{load}\n  ret double %returned"
+    convert = "trunc i64" if kind == "i64" else "zext i8"
+    return f"{load}\n  %number = {convert} %returned to i32\n  ret i32 %number"
 
 
 def _argument(i: int, leaf: Leaf, memory: Memory) -> tuple[list[str], str]:

@@ -67,7 +67,7 @@ def lower(function: Any, arguments: dict[str, Any]) -> Lowered:
     """
     inner: Any = cast(Compiled, function)._inner
     kinds = tuple(map(numba.typeof, arguments.values()))
-    with _unvectorised():
+    with _unoptimised():
         inner.compile(kinds)
     overload = inner.overloads[kinds]
     text, symbol = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
@@ -86,15 +86,15 @@ def lower(function: Any, arguments: dict[str, Any]) -> Lowered:
 
 
 @contextmanager
-def _unvectorised() -> Iterator[None]:
-    """Have Numba write loops for one number at a time, as for this machine it would for several."""
+def _unoptimised() -> Iterator[None]:
+    """Have Numba leave its code as it is; it would unroll loops, for this machine."""
     config: Any = numba.config
-    previous = config.LOOP_VECTORIZE
-    config.LOOP_VECTORIZE = 0
+    previous = config.OPT, config.LOOP_VECTORIZE
+    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(0), 0
     try:
         yield
     finally:
-        config.LOOP_VECTORIZE = previous
+        config.OPT, config.LOOP_VECTORIZE = previous
 
 
 def _leaves(name: str, value: Any) -> Iterator[Leaf]:

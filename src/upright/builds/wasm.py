@@ -16,6 +16,20 @@ STACK = 16384
 """For the variables of functions, in bytes; learners have none that grow."""
 
 
+def find_linker() -> str:
+    """Return the linker.
+
+    Raises
+    ------
+    UprightError
+        If it is missing.
+    """
+    linker = next(filter(None, map(shutil.which, LINKERS)), None)
+    if not linker:
+        raise UprightError("the linker wasm-ld is missing: it is in the package lld of Debian")
+    return linker
+
+
 def link(code: bytes, exports: Iterable[str]) -> bytes:
     """Return a module that exports some functions of an object file.
 
@@ -27,9 +41,7 @@ def link(code: bytes, exports: Iterable[str]) -> bytes:
     UprightError
         If the linker is missing, or fails.
     """
-    linker = next(filter(None, map(shutil.which, LINKERS)), None)
-    if not linker:
-        raise UprightError("the linker wasm-ld is missing: it is in the package lld of Debian")
+    linker = find_linker()
     names = [f"--export={name}" for name in ("__heap_base", *exports)]
     options = ["--no-entry", "--import-memory", "--strip-all", "-z", f"stack-size={STACK}"]
     with TemporaryDirectory() as folder:

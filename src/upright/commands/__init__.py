@@ -34,6 +34,7 @@ COMMANDS: Registry[Any] = Registry(
         "merge": "upright.commands.merge",
         "plot": "upright.commands.plot",
         "export": "upright.commands.export",
+        "build": "upright.commands.build",
         "agents": "upright.commands.agents",
         "plants": "upright.commands.plants",
         "terms": "upright.commands.terms",
@@ -63,6 +64,7 @@ examples:
                                                one store of several machines' runs
   upright plot policy results/reinforce.npz    a picture of a trained policy
   upright export policy.npz policy.h           the same in C, for a microcontroller
+  upright build web q-learning --output page   a learner for browsers, and a page with it
   upright tune q-learning                      search for better settings
   upright new my_agent.py                      begin an agent of your own
   upright check my_agent.py                    try all that it must do, and see if it learns

@@ -440,7 +440,10 @@ def _option_for(belonging: "Belonging", name: str, value: str, options: argparse
 def _agents_of(options: argparse.Namespace) -> list[str]:
     """Return the agents that a command is given, by name."""
     given = vars(options)
-    return [given["agent"]] if given.get("agent") else split(given.get("agents") or "")
+    if given.get("agent"):
+        return [given["agent"]]
+    agents = given.get("agents") or ""
+    return split(agents) if isinstance(agents, str) else list(agents)
 
 
 def size_of(options: argparse.Namespace) -> "Size":

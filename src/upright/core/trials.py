@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from upright.core.compiled import compiled
+from upright.core.compiled import compiled, inlined
 from upright.core.contracts import Agent, Plant
 from upright.core.noise import draw_start
+from upright.core.parameters import State
 from upright.core.rig import acting_force, begin_episode, first_measurement, measurement, strength
 from upright.core.task import Task
 from upright.support.short_repr import short_list
@@ -66,23 +67,34 @@ def trial(agent: Agent, plant: Plant, task: Task, rng: np.random.Generator) -> t
     tuple
         How many steps the trial lasted, and whether it ended with a fall.
     """
-    rig, noise = task.rig, task.noise
-    begin_episode(rig, rng)
-    state = plant.reset(draw_start(task.start, rng))
-    observation = first_measurement(rig, noise, state, rng)
+    observation = start(plant, task, rng)
     agent.begin_trial(rng)
     fallen = False
     steps = 0
     while steps < task.steps and not fallen:
         action = agent.act(observation, rng)
-        force = strength(rig, task.parameters.force)
-        state = plant.step(acting_force(rig, noise, force if action else -force, rng))
-        fallen = plant.has_fallen(state)
-        before, observation = observation, measurement(rig, noise, state, rng)
+        before, (observation, fallen) = observation, push(plant, task, rng, action)
         agent.learn(before, action, observation, fallen)
         steps += 1
     agent.end_trial(fallen)
     return steps, fallen
+
+
+@inlined
+def start(plant: Plant, task: Task, rng: np.random.Generator) -> State:
+    """Put the plant at a start, and return what is measured there."""
+    begin_episode(task.rig, rng)
+    state = plant.reset(draw_start(task.start, rng))
+    return first_measurement(task.rig, task.noise, state, rng)
+
+
+@inlined
+def push(plant: Plant, task: Task, rng: np.random.Generator, action: bool) -> tuple[State, bool]:
+    """Push the cart for a time step; return what is measured then, and whether it has fallen."""
+    force = strength(task.rig, task.parameters.force)
+    state = plant.step(acting_force(task.rig, task.noise, force if action else -force, rng))
+    fallen = plant.has_fallen(state)
+    return measurement(task.rig, task.noise, state, rng), fallen
 
 
 _compiled_trial = compiled(trial)
@@ -125,3 +137,82 @@ def run(
         if not fallen:
             return number + 1
     return 0
+
+
+# ---- A run in pieces, to be watched --------------------------------------------------------------
+
+BETWEEN, BALANCING, SUCCEEDED, FAILED = range(4)
+"""Stages of a run: before a trial, within one, and after the last."""
+
+
+class Progress(NamedTuple):
+    """Where a run stands between two steps."""
+
+    observation: np.ndarray
+    """The last measurement, shape (4,), float64."""
+    action: np.ndarray
+    """The last push, shape (1,), bool."""
+    steps: np.ndarray
+    """Steps of the present trial, or of the last one, shape (1,), int64."""
+    trials: np.ndarray
+    """How many trials have ended, shape (1,), int64."""
+    stage: np.ndarray
+    """One of the stages above, shape (1,), int64."""
+
+
+def new_progress() -> Progress:
+    """Return the progress of a run that begins."""
+    counts = (np.zeros(1, np.int64) for _ in range(3))
+    return Progress(np.zeros(4), np.zeros(1, np.bool_), *counts)
+
+
+@inlined
+def advance(
+    agent: Agent,
+    plant: Plant,
+    task: Task,
+    rng: np.random.Generator,
+    progress: Progress,
+    lengths: np.ndarray,
+    count: int,
+) -> int:
+    """Advance a run by up to `count` steps: what `run` does, in pieces.
+
+    Parameters
+    ----------
+    agent, plant, task, rng, lengths
+        As for `run`.
+    progress
+        Where the run stands, which changes.
+    count
+        How many steps to make.
+
+    Returns
+    -------
+    int
+        How many were made: fewer than `count` if the run has ended.
+    """
+    made, stage = 0, progress.stage[0]
+    seen = progress.observation
+    observation = State(seen[0], seen[1], seen[2], seen[3])
+    while made < count and stage < SUCCEEDED:
+        if stage == BETWEEN:
+            observation = start(plant, task, rng)
+            agent.begin_trial(rng)
+            progress.steps[0], stage = 0, BALANCING
+        action = agent.act(observation, rng)
+        before, (observation, fallen) = observation, push(plant, task, rng, action)
+        agent.learn(before, action, observation, fallen)
+        progress.action[0] = action
+        progress.steps[0] += 1
+        made += 1
+        if fallen or progress.steps[0] == task.steps:
+            agent.end_trial(fallen)
+            lengths[progress.trials[0]] = progress.steps[0]
+            progress.trials[0] += 1
+            stage = BETWEEN if progress.trials[0] < task.trials else FAILED
+            stage = stage if fallen else SUCCEEDED
+    progress.stage[0] = stage
+    for i in range(4):
+        seen[i] = observation[i]
+    return made

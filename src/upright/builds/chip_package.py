@@ -1,0 +1,128 @@
+"""A folder for a microcontroller: the learner as an object file, its header, and an example.
+
+The example is the learner on a simulated cart-pole, from the same sources, and runs in QEMU.
+"""
+
+import json
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
+
+from upright import __version__
+from upright.builds.folders import own_folder
+from upright.builds.layout import places
+from upright.builds.learner import build_agent, build_cart
+from upright.builds.machine import Machine
+from upright.errors import require_one_of
+from upright.studies.case import Case
+from upright.support.files import write_file
+
+FIRMWARE = Path(__file__).parent / "firmware"
+"""The example's files, the same for all chips but for the board."""
+
+
+class Cpu(NamedTuple):
+    """A processor of microcontrollers."""
+
+    machine: Machine
+    compiler: str
+    """The compiler that links its programs."""
+    flags: str
+    """Of that compiler."""
+    board: str
+    """The file that starts it."""
+    code_at: int
+    """Address of the program's code on the emulated board."""
+    data_at: int
+    """Address of its data there."""
+    emulator: str
+    """The command that runs a program."""
+    has_double: bool
+    """Whether it has a unit for numbers of 64 bits."""
+
+
+def _arm(machine: Machine, flags: str, board: str, *, has_double: bool = False) -> Cpu:
+    emulator = f"qemu-system-arm -M {board} -nographic -semihosting -kernel"
+    compiler = "arm-none-eabi-gcc"
+    return Cpu(machine, compiler, flags, "board_arm.c", 0, 0x20000000, emulator, has_double)
+
+
+CPUS = {
+    "cortex-m7": _arm(
+        Machine("thumbv7em-unknown-none-eabihf", "cortex-m7", "+fp-armv8d16"),
+        "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16",
+        "mps2-an500",
+        has_double=True,
+    ),
+    "cortex-m4": _arm(
+        Machine("thumbv7em-unknown-none-eabihf", "cortex-m4", "+vfp4d16sp"),
+        "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DUPRIGHT_NO_DOUBLE_UNIT",
+        "mps2-an386",
+    ),
+    "cortex-m0plus": _arm(
+        Machine("thumbv6m-unknown-none-eabi", "cortex-m0plus"),
+        "-mcpu=cortex-m0plus -mthumb -mfloat-abi=soft -DUPRIGHT_NO_DOUBLE_UNIT",
+        "mps2-an386",
+    ),
+    "rv32imc": Cpu(
+        machine=Machine("riscv32-unknown-elf", "generic-rv32", "+m,+c"),
+        compiler="riscv64-unknown-elf-gcc",
+        flags="-march=rv32imc -mabi=ilp32 -mcmodel=medany -DUPRIGHT_NO_DOUBLE_UNIT",
+        board="board_riscv.c",
+        code_at=0x80000000,
+        data_at=0x80100000,
+        emulator="qemu-system-riscv32 -M virt -bios none -nographic -semihosting -kernel",
+        has_double=False,
+    ),
+}
+"""The processors that can be built for, by name."""
+
+
+def build_chip(case: Case, cpu: str, folder: Path | str) -> Path:
+    """Write the learner and the example.
+
+    Parameters
+    ----------
+    case
+        The agent with its settings, and the task of the example.
+    cpu
+        One of CPUS.
+    folder
+        Where to; it is created if it is missing.
+
+    Returns
+    -------
+    Path
+        The object file of the learner.
+
+    Raises
+    ------
+    UprightError
+        If there is no such processor, the agent cannot be built, or the folder cannot be written.
+    """
+    require_one_of("cpu", cpu, CPUS)
+    chip, place = CPUS[cpu], own_folder(folder)
+    learner, cart = build_agent(case, chip.machine), build_cart(case, chip.machine)
+    about = f"{case.agent} of Upright {__version__}, for {cpu}"
+    size, words = learner.memory.size, learner.memory.size // 8
+    observation = cart.memory.offset("observation") // 8
+    files: dict[str, bytes | str] = {
+        "learner.o": learner.code,
+        "learner.h": filled("learner.h", about=about, size=f"{size:,}", words=words),
+        "learner.json": json.dumps(places(learner.memory), indent=1) + "\n",
+        "cart.o": cart.code,
+        "cart.h": filled("cart.h", words=cart.memory.size // 8, observation=observation),
+        "board.c": (FIRMWARE / chip.board).read_text(),
+        "board.ld": filled("board.ld", code_at=hex(chip.code_at), data_at=hex(chip.data_at)),
+        "toolchain.cmake": filled("toolchain.cmake", **chip._asdict()),
+    }
+    for name in ("main.c", "board.h", "support.c", "CMakeLists.txt"):
+        files[name] = (FIRMWARE / name).read_text()
+    for name, content in files.items():
+        write_file(place / name, content)
+    return place / "learner.o"
+
+
+def filled(name: str, **values: object) -> str:
+    """Return a file of the example with values in their places."""
+    return Template((FIRMWARE / f"{name}.in").read_text()).substitute(values)
