@@ -40,6 +40,10 @@ def has_gazebo():
         return False
 
 
+CHIP_PROGRAMS = (
+    *("qemu-system-arm", "qemu-system-riscv32"),
+    *("arm-none-eabi-gcc", "riscv64-unknown-elf-gcc", "cmake"),
+)
 PROGRAMS = {
     "octave": Program(
         "GNU Octave", "UPRIGHT_REQUIRE_OCTAVE", "matlab/install-octave.sh", lambda: IS_THERE
@@ -50,6 +54,19 @@ PROGRAMS = {
         "UPRIGHT_REQUIRE_WASM",
         "apt-get install nodejs lld",
         lambda: all(map(shutil.which, ("node", "wasm-ld"))),
+    ),
+    "chromium": Program(
+        "Chromium",
+        "UPRIGHT_REQUIRE_WASM",
+        "apt-get install chromium",
+        lambda: bool(shutil.which("chromium")),
+    ),
+    "chip": Program(
+        "QEMU or a compiler for chips",
+        "UPRIGHT_REQUIRE_CHIPS",
+        "apt-get install qemu-system-arm qemu-system-misc gcc-arm-none-eabi "
+        "gcc-riscv64-unknown-elf cmake",
+        lambda: all(map(shutil.which, CHIP_PROGRAMS)),
     ),
 }
 

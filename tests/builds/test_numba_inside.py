@@ -59,8 +59,8 @@ def test_the_code_is_text_with_the_function_in_it():
 
 
 def test_another_order_is_noticed(monkeypatch):
-    real = numba_inside._leaves
-    monkeypatch.setattr(numba_inside, "_leaves", lambda *given: reversed([*real(*given)]))
+    real = numba_inside.leaves_of
+    monkeypatch.setattr(numba_inside, "leaves_of", lambda *given: reversed([*real(*given)]))
     with pytest.raises(UprightError, match=r"passes arguments in a way that is not known here"):
         lower(total, {"parts": parts(), "factor": 3})
 

@@ -256,7 +256,7 @@ def squash(y):
     y/2 by Lambert's continued fraction, then doubled four times, tanh 2a = 2nd / (n² + d²) where
     tanh a = n / d.
     """
-    a = min(max(y / 32.0, -1.25), 1.25)
+    a = min(max(np.float64(y) / 32.0, -1.25), 1.25)  # numbers of 32 bits would overflow below
     s = a * a
     n = a * (34459425.0 + s * (4729725.0 + s * (135135.0 + s * (990.0 + s))))
     d = 34459425.0 + s * (16216200.0 + s * (945945.0 + s * (13860.0 + s * 45.0)))

@@ -78,7 +78,16 @@ CPUS = {
 """The processors that can be built for, by name."""
 
 
-def build_chip(case: Case, cpu: str, folder: Path | str) -> Path:
+PRECISIONS = {
+    "float64": "what it is on a computer, to the last bit",
+    "float32": "with other last bits than on a computer, so other trials",
+}
+"""The precisions that a learner can have, and what that means."""
+NUMBER = {"float64": "double", "float32": "float"}
+"""Their names in C."""
+
+
+def build_chip(case: Case, cpu: str, folder: Path | str, precision: str | None = None) -> Path:
     """Write the learner and the example.
 
     Parameters
@@ -90,6 +99,9 @@ def build_chip(case: Case, cpu: str, folder: Path | str) -> Path:
     folder
         Where to; it is created if it is missing.
 
+    precision
+        One of PRECISIONS; by default float64 if the processor has a unit for it, else float32.
+
     Returns
     -------
     Path
@@ -98,17 +110,26 @@ def build_chip(case: Case, cpu: str, folder: Path | str) -> Path:
     Raises
     ------
     UprightError
-        If there is no such processor, the agent cannot be built, or the folder cannot be written.
+        If there is no such processor or precision, the agent cannot be built, or the folder cannot
+        be written.
     """
     require_one_of("cpu", cpu, CPUS)
-    chip, place = CPUS[cpu], own_folder(folder)
-    learner, cart = build_agent(case, chip.machine), build_cart(case, chip.machine)
-    about = f"{case.agent} of Upright {__version__}, for {cpu}"
+    chip = CPUS[cpu]
+    precision = precision or usual_precision(chip)
+    require_one_of("precision", precision, PRECISIONS)
+    place = own_folder(folder)
+    learner = build_agent(case, chip.machine, single=precision == "float32")
+    cart = build_cart(case, chip.machine)
+    about = (
+        f"{case.agent} of Upright {__version__}, for {cpu}, in {precision}: {PRECISIONS[precision]}"
+    )
     size, words = learner.memory.size, learner.memory.size // 8
     observation = cart.memory.offset("observation") // 8
     files: dict[str, bytes | str] = {
         "learner.o": learner.code,
-        "learner.h": filled("learner.h", about=about, size=f"{size:,}", words=words),
+        "learner.h": filled(
+            "learner.h", about=about, size=f"{size:,}", words=words, number=NUMBER[precision]
+        ),
         "learner.json": json.dumps(places(learner.memory), indent=1) + "\n",
         "cart.o": cart.code,
         "cart.h": filled("cart.h", words=cart.memory.size // 8, observation=observation),
@@ -121,6 +142,11 @@ def build_chip(case: Case, cpu: str, folder: Path | str) -> Path:
     for name, content in files.items():
         write_file(place / name, content)
     return place / "learner.o"
+
+
+def usual_precision(chip: Cpu) -> str:
+    """Return the precision of the processor's own unit, or the smaller one if it has none."""
+    return "float64" if chip.has_double else "float32"
 
 
 def filled(name: str, **values: object) -> str:

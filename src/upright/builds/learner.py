@@ -1,15 +1,16 @@
 """A learner as functions and one block of memory, for any machine."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core.errors import NumbaError
 
 from upright.builds.machine import Function, Machine, emit
-from upright.builds.memory import Memory
-from upright.builds.numba_inside import lower
+from upright.builds.memory import Memory, narrowed
+from upright.builds.numba_inside import Lowered, lower
 from upright.core.compiled import explain, inlined, is_compiled
 from upright.core.contracts import Agent, Plant
 from upright.core.parameters import State
@@ -66,7 +67,7 @@ def build_learner(case: Case, machine: Machine) -> Built:
         return _built(functions, machine)
 
 
-def build_agent(case: Case, machine: Machine) -> Built:
+def build_agent(case: Case, machine: Machine, *, single: bool = False) -> Built:
     """Return a learner without a plant: what measures and pushes is the caller's.
 
     Its functions, whose names begin with ``upright_``, are ``begin``, ``seed`` and
@@ -78,23 +79,35 @@ def build_agent(case: Case, machine: Machine) -> Built:
       measured after it;
     - ``end_trial(memory, fallen)``.
 
+    Parameters
+    ----------
+    case
+        The agent with its settings.
+    machine
+        What to build for.
+    single
+        Whether numbers have 32 bits: faster on some machines, and other bits than here.
+
     Raises
     ------
     UprightError
         As above.
     """
     agent, rng, last = buildable_agent(case), new_stream(0, 0), new_progress()
+    if single:
+        agent, last = narrowed((agent, last))
     state = State(0.0, 0.0, 0.0, 0.0)
     seen = {"agent": agent, "last": last, "observation": state}
     ending = {"agent": agent, "fallen": False}
+    code = partial(lower, single=single)
     with _naming(case):
         functions = {
-            "seed": _seed(agent, rng),
-            "begin_trial": Function(lower(_begin_trial, {"agent": agent, "rng": rng})),
-            "act": Function(lower(_act, seen | {"rng": rng}), ("observation",)),
-            "learn": Function(lower(_learn, seen | ending), ("observation", "fallen")),
-            "end_trial": Function(lower(_end_trial, ending), ("fallen",)),
-            **_probability(agent),
+            "seed": _seed(agent, rng, code),
+            "begin_trial": Function(code(_begin_trial, {"agent": agent, "rng": rng})),
+            "act": Function(code(_act, seen | {"rng": rng}), ("observation",)),
+            "learn": Function(code(_learn, seen | ending), ("observation", "fallen")),
+            "end_trial": Function(code(_end_trial, ending), ("fallen",)),
+            **_probability(agent, code),
         }
         return _built(functions, machine, "upright_")
 
@@ -177,19 +190,19 @@ def buildable_agent(case: Case) -> Any:
 # ---- What the functions do -----------------------------------------------------------------------
 
 
-def _seed(agent: Any, rng: Pcg64) -> Function:
+def _seed(agent: Any, rng: Pcg64, code: Callable[..., Lowered] = lower) -> Function:
     numbers = {"seed": 0, "run": 0}
     if hasattr(agent, "begin_run"):
         arguments = {"agent": agent, "rng": rng} | numbers
-        return Function(lower(_begin_run, arguments), tuple(numbers))
-    return Function(lower(Pcg64.seed, {"rng": rng} | numbers), tuple(numbers))
+        return Function(code(_begin_run, arguments), tuple(numbers))
+    return Function(code(Pcg64.seed, {"rng": rng} | numbers), tuple(numbers))
 
 
-def _probability(agent: Any) -> dict[str, Function]:
+def _probability(agent: Any, code: Callable[..., Lowered] = lower) -> dict[str, Function]:
     if not hasattr(agent, "push_probability"):
         return {}
     arguments = {"agent": agent, "observation": State(0.0, 0.0, 0.0, 0.0)}
-    return {"push_probability": Function(lower(_push_probability, arguments), ("observation",))}
+    return {"push_probability": Function(code(_push_probability, arguments), ("observation",))}
 
 
 @inlined

@@ -105,9 +105,14 @@ def _retargeted(text: str, triple: str, layout: str) -> str:
     # LLVM's writer for wasm knows no common symbols.
     text = re.sub(r"= common ((local_unnamed_addr )?)global", r"= internal \1global", text)
     # A square root is an instruction of the machine, not a function of the C library.
-    text = re.sub(r"^declare double @(llvm\.sqrt\.f64|sqrt)\(.*$", "", text, flags=re.M)
-    text = re.sub(r"@sqrt\b", "@llvm.sqrt.f64", text)
-    return f"{text}\ndeclare double @llvm.sqrt.f64(double)\n"
+    for name, own, kind in (
+        ("sqrt", "llvm.sqrt.f64", "double"),
+        ("sqrtf", "llvm.sqrt.f32", "float"),
+    ):
+        text = re.sub(rf"^declare {kind} @({re.escape(own)}|{name})\(.*$", "", text, flags=re.M)
+        text = re.sub(rf"@{name}\b", f"@{own}", text)
+        text += f"\ndeclare {kind} @{own}({kind})\n"
+    return text
 
 
 def _begin(name: str, memory: Memory) -> str:
@@ -152,7 +157,7 @@ define {result} @{name}({", ".join(parameters)}) {{
 """
 
 
-OUTSIDE = {"i64": "i32", "i8": "i32", "double": "double", "ptr": "void"}
+OUTSIDE = {"i64": "i32", "i8": "i32", "double": "double", "float": "float", "ptr": "void"}
 """What callers give and get for each of Numba's types; its pointer to a result may be to none."""
 
 
@@ -171,8 +176,8 @@ def _returned(kind: str) -> str:
     if kind == "ptr":
         return "ret void"
     load = f"%returned = load {kind}, ptr %result, align 8"
-    if kind == "double":
-        return f"{load}\n  ret double %returned"
+    if kind in ("double", "float"):
+        return f"{load}\n  ret {kind} %returned"
     convert = "trunc i64" if kind == "i64" else "zext i8"
     return f"{load}\n  %number = {convert} %returned to i32\n  ret i32 %number"
 

@@ -13,7 +13,12 @@ from upright.builds.numba_inside import Leaf
 
 ALIGNMENT = 8
 """Every array begins at a multiple of this, in bytes."""
-NUMBERS = {"i8": np.dtype(np.bool_), "i64": np.dtype(np.int64), "double": np.dtype(np.float64)}
+NUMBERS: dict[str, np.dtype[Any]] = {
+    "i8": np.dtype(np.bool_),
+    "i64": np.dtype(np.int64),
+    "double": np.dtype(np.float64),
+    "float": np.dtype(np.float32),
+}
 """Types of numbers by LLVM's names."""
 
 
@@ -68,6 +73,29 @@ class Memory:
     def offset(self, name: str) -> int:
         """Return where something is, in bytes from the beginning of the block."""
         return self.places[name].offset
+
+
+def narrowed(value: Any, owners: dict[int, tuple[np.ndarray, np.ndarray]] | None = None) -> Any:
+    """Return a tuple with its arrays of float64 as float32; views remain views of one array.
+
+    Parameters
+    ----------
+    value
+        The tuple, or what is in it.
+    owners
+        Arrays and what they have become, by identity; for calls within.
+    """
+    owners = {} if owners is None else owners
+    if isinstance(value, tuple):
+        parts = [narrowed(part, owners) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64:
+        return value
+    owner = _owner(value)
+    _, narrow = owners.setdefault(id(owner), (owner, owner.astype(np.float32)))
+    offset = (_address(value) - _address(owner)) // 2
+    strides = tuple(stride // 2 for stride in value.strides)
+    return np.ndarray(value.shape, np.float32, narrow, offset, strides)
 
 
 def _owner(value: np.ndarray) -> np.ndarray:

@@ -16,11 +16,19 @@ from typing import Any, NamedTuple, cast
 import llvmlite.binding as llvm
 import numba
 import numpy as np
+from numba.core import types
+from numba.core.typing.typeof import typeof_impl
 
 from upright.core.compiled import Compiled
 from upright.errors import UprightError
 
-RESULTS = {"int64": "i64", "float64": "double", "bool": "i8", "none": "ptr"}
+RESULTS = {
+    "int64": "i64",
+    "float64": "double",
+    "float32": "float",
+    "bool": "i8",
+    "none": "ptr",
+}
 """LLVM's types for those of results."""
 
 
@@ -30,7 +38,7 @@ class Leaf(NamedTuple):
     name: str
     """Its place in the arguments, such as "agent.weights" or "task.noise.angle"."""
     kind: str
-    """LLVM's name of its type: i8, i64, double or ptr."""
+    """LLVM's name of its type: i8, i64, double, float or ptr."""
     value: Any
     """The number, or for the data of an array the array; None for a pointer to nothing."""
     fixed: bool = False
@@ -50,7 +58,7 @@ class Lowered(NamedTuple):
     """What the arguments consist of, in the order of the function's parameters."""
 
 
-def lower(function: Any, arguments: dict[str, Any]) -> Lowered:
+def lower(function: Any, arguments: dict[str, Any], *, single: bool = False) -> Lowered:
     """Compile a function for arguments of these types, and return its code.
 
     Parameters
@@ -59,6 +67,8 @@ def lower(function: Any, arguments: dict[str, Any]) -> Lowered:
         A compiled function.
     arguments
         The arguments by name, in order.
+    single
+        Whether Python's numbers, those in the code among them, have 32 bits there, not 64.
 
     Raises
     ------
@@ -66,12 +76,14 @@ def lower(function: Any, arguments: dict[str, Any]) -> Lowered:
         If this version of Numba does any of that in another way.
     """
     inner: Any = cast(Compiled, function)._inner
-    kinds = tuple(map(numba.typeof, arguments.values()))
-    with _unoptimised():
+    with _unoptimised(), _precision(types.float32 if single else types.float64):
+        kinds = tuple(map(numba.typeof, arguments.values()))
         inner.compile(kinds)
     overload = inner.overloads[kinds]
     text, symbol = overload.library.get_llvm_str(), overload.fndesc.llvm_func_name
-    leaves = [leaf for name, value in arguments.items() for leaf in _leaves(name, value)]
+    leaves = [leaf for name, value in arguments.items() for leaf in leaves_of(name, value)]
+    if single:
+        leaves = [leaf._replace(kind="float") if leaf.kind == "double" else leaf for leaf in leaves]
     expected = ["ptr", "ptr", *(leaf.kind for leaf in leaves)]
     found = [str(each.type) for each in llvm.parse_assembly(text).get_function(symbol).arguments]
     if found != expected:
@@ -97,7 +109,19 @@ def _unoptimised() -> Iterator[None]:
         config.OPT, config.LOOP_VECTORIZE = previous
 
 
-def _leaves(name: str, value: Any) -> Iterator[Leaf]:
+@contextmanager
+def _precision(kind: Any) -> Iterator[None]:
+    """Have Numba take Python's numbers for this type."""
+    previous = typeof_impl.dispatch(float)
+    typeof_impl.register(float, lambda _value, _context: kind)
+    try:
+        yield
+    finally:
+        typeof_impl.register(float, previous)
+
+
+def leaves_of(name: str, value: Any) -> Iterator[Leaf]:
+    """Yield the numbers that an argument consists of, in order."""
     if value is None:
         yield Leaf(name, "ptr", None)
     elif isinstance(value, np.ndarray):
@@ -111,7 +135,7 @@ def _leaves(name: str, value: Any) -> Iterator[Leaf]:
     elif isinstance(value, tuple):
         fields = getattr(value, "_fields", range(len(value)))
         for field, part in zip(fields, value, strict=True):
-            yield from _leaves(f"{name}.{field}", part)
+            yield from leaves_of(f"{name}.{field}", part)
     elif isinstance(value, bool | np.bool_):
         yield Leaf(name, "i8", bool(value))
     elif isinstance(value, int | np.integer):

@@ -5,18 +5,25 @@ It is an npm package, and any static host serves it.
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from upright import __version__
+from upright.agents import is_custom
 from upright.builds.folders import own_folder
 from upright.builds.layout import places
 from upright.builds.learner import Built, build_learner
+from upright.builds.numba_inside import leaves_of
 from upright.builds.wasm import STACK, WASM, find_linker, link
 from upright.core.conditions import NOISES, STARTS, condition_of, noise_of
 from upright.core.parameters import LARGEST, Parameters, lowest
 from upright.errors import UprightError
 from upright.studies.case import Case
+from upright.studies.random_streams import random_numbers
+from upright.studies.run import new_agent
 from upright.support.files import write_file
 from upright.support.settings import describe_settings
 
@@ -93,7 +100,7 @@ def layout(case: Case, built: Built) -> dict[str, Any]:
         "noises": {name: _sizes(name) for name in NOISES},
         "starts": {name: start._asdict() for name, start in STARTS.items()},
         "parameters": {name: _parameter(case, name) for name in Parameters._fields},
-        "settings": _settings(case, built),
+        "settings": {} if is_custom(case.agent) else changeable_settings(case),
     }
 
 
@@ -110,19 +117,28 @@ def _parameter(case: Case, name: str) -> dict[str, Any]:
     return {"value": value, "low": lowest(name), "high": LARGEST, "meaning": text}
 
 
-def _settings(case: Case, built: Built) -> dict[str, str]:
-    """Return the places of the settings that are numbers in the agent's memory."""
+def changeable_settings(case: Case) -> dict[str, str]:
+    """Return the places of the settings that are one number in the agent's memory, and no more."""
+    usual = _content(case)
     found = {}
     for name, value in vars(case.settings).items():
-        places = [
-            place.name
-            for place in built.memory.places.values()
-            if place.name.startswith("agent.") and place.name.endswith(f".{name}")
-        ]
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if is_number and len(places) == 1 and not built.memory.places[places[0]].shape:
-            found[name] = places[0]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        other = value + 1 if isinstance(value, int) else 0.93 * value + 1e-6
+        try:
+            content = _content(replace(case, settings=replace(case.settings, **{name: other})))
+        except UprightError:  # not allowed with the others
+            continue
+        differing = [each for each in usual if not np.array_equal(usual[each], content[each])]
+        if len(differing) == 1 and np.array_equal(content[differing[0]], other):
+            found[name] = differing[0]
     return found
+
+
+def _content(case: Case) -> dict[str, Any]:
+    """Return all numbers and arrays of a new agent, by name."""
+    agent = new_agent(case, random_numbers(0, 0))
+    return {leaf.name: leaf.value for leaf in leaves_of("agent", agent)}
 
 
 def npm_package(names: Sequence[str]) -> dict[str, Any]:

@@ -128,6 +128,7 @@ def exponential(x: float) -> float:
     x = n log 2 + r with |r| up to log 2 / 2; e^r by its series, then n doublings or halvings by the
     exponent of the result.
     """
+    x = np.float64(x)  # also where the other numbers have 32 bits, as on some chips
     x = _LARGEST_POWER if x > _LARGEST_POWER else x
     x = -_LARGEST_POWER if x < -_LARGEST_POWER else x
     shifted = x * (1 / _LOG_2) + _ROUND
@@ -182,6 +183,7 @@ def error_function_complement(x: float) -> float:
     By rational functions, where |x| is up to 0.46875, up to 4, and above (W. J. Cody, *Rational
     Chebyshev approximations for the error function*, Math. Comp. 23, 1969).
     """
+    x = np.float64(x)
     y = abs(x)
     if y >= _END:
         return 0.0 if x > 0.0 else 2.0

@@ -23,7 +23,7 @@ static void print_number(uint32_t number) {
 
 /* Balance once, from a start to a fall or to a success; return how many steps it lasted. */
 static uint32_t trial(int *fallen) {
-  const upright_number *seen = cart_observation(&cart); /* m, m/s, rad, rad/s */
+  const double *seen = cart_observation(&cart); /* m, m/s, rad, rad/s */
   uint32_t steps = 0;
   *fallen = 0;
   cart_reset(&cart);

@@ -64,4 +64,6 @@ double sqrt(double x) {
   value.bits = ((uint64_t)(exponent + 1023) << 52) + (root - one);
   return value.number;
 }
+
+float sqrtf(float x) { return (float)sqrt(x); }
 #endif
