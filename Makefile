@@ -90,6 +90,7 @@ benchmark: .venv/developed
 	$(BIN)/python benchmarks/transfer.py --output docs/transfer.md
 	$(BIN)/python benchmarks/disturbances.py --output docs/disturbances.md
 	$(BIN)/python benchmarks/scale.py --output docs/scale.md
+	$(BIN)/python benchmarks/one_source.py --output docs/one-source.md
 
 # What agents reached. Stores keep the runs; those of other code are not used.
 TABLE := $(BIN)/upright table --runs 100 --format markdown

@@ -37,14 +37,17 @@ class Cpu(NamedTuple):
     """Address of its data there."""
     emulator: str
     """The command that runs a program."""
-    has_double: bool
-    """Whether it has a unit for numbers of 64 bits."""
+    precisions: tuple[str, ...]
+    """Of the learners that it can have, the usual one first."""
 
 
-def _arm(machine: Machine, flags: str, board: str, *, has_double: bool = False) -> Cpu:
+SOFT = "-DUPRIGHT_NO_DOUBLE_UNIT"
+
+
+def _arm(machine: Machine, flags: str, board: str, *precisions: str) -> Cpu:
     emulator = f"qemu-system-arm -M {board} -nographic -semihosting -kernel"
     compiler = "arm-none-eabi-gcc"
-    return Cpu(machine, compiler, flags, "board_arm.c", 0, 0x20000000, emulator, has_double)
+    return Cpu(machine, compiler, flags, "board_arm.c", 0, 0x20000000, emulator, precisions)
 
 
 CPUS = {
@@ -52,27 +55,30 @@ CPUS = {
         Machine("thumbv7em-unknown-none-eabihf", "cortex-m7", "+fp-armv8d16"),
         "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16",
         "mps2-an500",
-        has_double=True,
+        *("float64", "float32"),
     ),
+    # GCC 12 adds numbers of 64 bits for this one by code that rounds a few sums otherwise.
     "cortex-m4": _arm(
         Machine("thumbv7em-unknown-none-eabihf", "cortex-m4", "+vfp4d16sp"),
-        "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -DUPRIGHT_NO_DOUBLE_UNIT",
+        f"-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 {SOFT}",
         "mps2-an386",
+        "float32",
     ),
     "cortex-m0plus": _arm(
         Machine("thumbv6m-unknown-none-eabi", "cortex-m0plus"),
-        "-mcpu=cortex-m0plus -mthumb -mfloat-abi=soft -DUPRIGHT_NO_DOUBLE_UNIT",
+        f"-mcpu=cortex-m0plus -mthumb -mfloat-abi=soft {SOFT}",
         "mps2-an386",
+        *("float32", "float64"),
     ),
     "rv32imc": Cpu(
         machine=Machine("riscv32-unknown-elf", "generic-rv32", "+m,+c"),
         compiler="riscv64-unknown-elf-gcc",
-        flags="-march=rv32imc -mabi=ilp32 -mcmodel=medany -DUPRIGHT_NO_DOUBLE_UNIT",
+        flags=f"-march=rv32imc -mabi=ilp32 -mcmodel=medany {SOFT}",
         board="board_riscv.c",
         code_at=0x80000000,
         data_at=0x80100000,
         emulator="qemu-system-riscv32 -M virt -bios none -nographic -semihosting -kernel",
-        has_double=False,
+        precisions=("float32", "float64"),
     ),
 }
 """The processors that can be built for, by name."""
@@ -115,38 +121,47 @@ def build_chip(case: Case, cpu: str, folder: Path | str, precision: str | None =
     """
     require_one_of("cpu", cpu, CPUS)
     chip = CPUS[cpu]
-    precision = precision or usual_precision(chip)
-    require_one_of("precision", precision, PRECISIONS)
+    precision = precision or chip.precisions[0]
+    require_one_of(f"precision for {cpu}", precision, chip.precisions)
     place = own_folder(folder)
     learner = build_agent(case, chip.machine, single=precision == "float32")
     cart = build_cart(case, chip.machine)
     about = (
         f"{case.agent} of Upright {__version__}, for {cpu}, in {precision}: {PRECISIONS[precision]}"
     )
-    size, words = learner.memory.size, learner.memory.size // 8
-    observation = cart.memory.offset("observation") // 8
+    size = learner.memory.size
     files: dict[str, bytes | str] = {
+        **board_files(chip),
+        "main.c": (FIRMWARE / "main.c").read_text(),
         "learner.o": learner.code,
         "learner.h": filled(
-            "learner.h", about=about, size=f"{size:,}", words=words, number=NUMBER[precision]
+            "learner.h", about=about, size=f"{size:,}", words=size // 8, number=NUMBER[precision]
         ),
         "learner.json": json.dumps(places(learner.memory), indent=1) + "\n",
         "cart.o": cart.code,
-        "cart.h": filled("cart.h", words=cart.memory.size // 8, observation=observation),
-        "board.c": (FIRMWARE / chip.board).read_text(),
-        "board.ld": filled("board.ld", code_at=hex(chip.code_at), data_at=hex(chip.data_at)),
-        "toolchain.cmake": filled("toolchain.cmake", **chip._asdict()),
+        "cart.h": filled(
+            "cart.h",
+            words=cart.memory.size // 8,
+            observation=cart.memory.offset("observation") // 8,
+        ),
     }
-    for name in ("main.c", "board.h", "support.c", "CMakeLists.txt"):
-        files[name] = (FIRMWARE / name).read_text()
     for name, content in files.items():
         write_file(place / name, content)
     return place / "learner.o"
 
 
-def usual_precision(chip: Cpu) -> str:
-    """Return the precision of the processor's own unit, or the smaller one if it has none."""
-    return "float64" if chip.has_double else "float32"
+def board_files(chip: Cpu) -> dict[str, str]:
+    """Return what a program for the emulated board needs besides itself: texts by name."""
+    texts = {
+        name: (FIRMWARE / name).read_text() for name in ("board.h", "support.c", "CMakeLists.txt")
+    }
+    return texts | {
+        "board.c": (FIRMWARE / chip.board).read_text(),
+        "board.ld": filled("board.ld", code_at=hex(chip.code_at), data_at=hex(chip.data_at)),
+        "toolchain.cmake": filled(
+            "toolchain.cmake", emulator=chip.emulator, compiler=chip.compiler, flags=chip.flags
+        ),
+    }
 
 
 def filled(name: str, **values: object) -> str:

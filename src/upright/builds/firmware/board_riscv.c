@@ -21,10 +21,10 @@ __attribute__((noinline, aligned(16))) static int ask_host(int what, const void 
 
 void board_print(const char *text) { ask_host(0x04, text); }
 
-void begin(void);
+void run_program(void);
 void reset(void);
 
-void begin(void) {
+void run_program(void) {
   const uint32_t status[2] = {0x20026, (uint32_t)main()};
   ask_host(0x20, status);
   for (;;) {
@@ -33,5 +33,5 @@ void begin(void) {
 
 /* The stack ends four megabytes above the beginning of memory. */
 __attribute__((naked, section(".vectors"))) void reset(void) {
-  __asm__("lui sp, 0x80400\n\tj begin");
+  __asm__("lui sp, 0x80400\n\tj run_program");
 }

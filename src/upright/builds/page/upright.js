@@ -5,7 +5,7 @@
  *     const learner = await (await load("q-learning")).create({ seed: 7 });
  *     learner.advance(1000);                  // steps of the run that `--seed 7` makes
  *     learner.state.theta;                    // where the pole is [rad]
- *     learner.array("agent.action_values");   // the table itself, not a copy
+ *     learner.array("agent.table");   // the table itself, not a copy
  *
  * Units are SI, angles in radians. Nothing here is learned or simulated in JavaScript: it writes
  * numbers into the memory of a module and reads them there.

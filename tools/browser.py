@@ -1,7 +1,6 @@
 """Chromium, which loads a page and sends what it finds."""
 
 import json
-import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ class Handler(SimpleHTTPRequestHandler):
         super().__init__(*arguments, **options)
 
     def do_POST(self) -> None:
+        """Keep what a page sends, as JSON."""
         self.found.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
         self.send_response(204)
         self.end_headers()
@@ -51,10 +51,9 @@ def found_in_browser(folder: Path, page: str, **asked: str) -> Any:
     """Return what a page of a folder sends, opened with a query in Chromium."""
     with serving(folder) as (address, found), TemporaryDirectory() as profile:
         options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}"]
-        command = [shutil.which("chromium"), *options, "--remote-debugging-port=0"]
-        url = f"{address}/{page}?{urlencode(asked)}"
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        with subprocess.Popen([*command, url], **quiet) as browser:
+        command = ["chromium", *options, f"{address}/{page}?{urlencode(asked)}"]
+        quiet = subprocess.DEVNULL
+        with subprocess.Popen(command, stdout=quiet, stderr=quiet) as browser:
             try:
                 return found.get(timeout=SECONDS)
             finally:
