@@ -21,8 +21,8 @@ SHORT = crash.Scenario(
 )
 READ_ONLY = {"agents", "check", "completion", "plants", "terms", "verify"}
 """Commands that write nothing but to the terminal."""
-ELSEWHERE = {"gazebo", "ros2"}
-"""Commands that serve other programs: tests/plants/test_gazebo.py, tests/nodes/test_ros2.py."""
+ELSEWHERE = {"build", "gazebo", "ros2"}
+"""Commands for other programs: tests/builds, tests/plants/test_gazebo.py, tests/nodes/test_ros2.py."""
 
 
 @pytest.mark.slow

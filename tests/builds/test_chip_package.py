@@ -90,7 +90,7 @@ def write_whole_run(name, cpu, folder):
     return arrays
 
 
-WITHOUT_A_UNIT = [("rv32imc", "q-learning"), ("cortex-m0plus", "adaptive-lqr")]
+WITHOUT_A_UNIT = [("rv32imc", "q-learning"), ("cortex-m0plus", "ase-ace")]
 
 
 @pytest.mark.chip

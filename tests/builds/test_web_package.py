@@ -5,6 +5,8 @@ import json
 import re
 import shutil
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -199,6 +201,27 @@ def test_the_folder_is_an_npm_package(package):
     assert {file["path"] for file in packed["files"]} == {
         *("index.html", "index.js", "learners.json", "package.json", "upright.d.ts", "upright.js"),
         *("q-learning.json", "q-learning.wasm"),
+    }
+
+
+@pytest.mark.wasm
+def test_a_killed_build_leaves_whole_files_and_the_same_command_goes_on(package, tmp_path):
+    """Killed once its first file is there, of two agents."""
+    names, place = ["random-search", "q-learning"], tmp_path / "page"
+    command = [sys.executable, "-m", "upright", "build", "web", *names, "--output", str(place)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as build:
+        while not (place / "random-search.json").exists():
+            assert build.poll() is None
+            time.sleep(0.01)
+        build.kill()
+    assert not (place / "q-learning.wasm").exists()
+    for file in place.glob("*.json"):
+        assert json.loads(file.read_text())
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [f"module: {place / name}.wasm" for name in names]
+    assert {file.name for file in place.iterdir()} == {
+        *(file.name for file in package("q-learning").iterdir()),
+        *("random-search.json", "random-search.wasm"),
     }
 
 
