@@ -22,7 +22,7 @@ SHORT = crash.Scenario(
 READ_ONLY = {"agents", "check", "completion", "plants", "terms", "verify"}
 """Commands that write nothing but to the terminal."""
 ELSEWHERE = {"build", "gazebo", "ros2"}
-"""Commands for other programs: tests/builds, tests/plants/test_gazebo.py, tests/nodes/test_ros2.py."""
+"""Commands tested in tests/builds, tests/plants/test_gazebo.py and tests/nodes/test_ros2.py."""
 
 
 @pytest.mark.slow
