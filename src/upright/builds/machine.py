@@ -81,7 +81,6 @@ def emit(
             each.linkage = llvm.Linkage.internal
     module.verify()
     options = llvm.create_pipeline_tuning_options(speed_level=2)
-    options.loop_unrolling = False  # which doubles the size and gains nothing that was measured
     options.loop_vectorization = options.slp_vectorization = False
     builder = llvm.create_pass_builder(target, options)
     builder.getModulePassManager().run(module, builder)
