@@ -5,18 +5,30 @@ their number of steps. It needs lld, Node.js, Chromium and binutils (`size`).
 """
 
 import json
+import math
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
+from typing import Any
 
+import numba
+import numpy as np
 from speed import machine, make_parser, put
 
 from upright.agents import AGENTS
 from upright.builds.chip_package import CPUS, PRECISIONS, build_chip
 from upright.builds.web_package import build_web
+from upright.core.portable_math import (
+    error_function_complement,
+    exponential,
+    hyperbolic_tangent,
+    whole_power,
+)
 from upright.studies.case import Case, make_case
 from upright.studies.run import make_run
 
@@ -32,6 +44,13 @@ console.log(JSON.stringify(await times(upright, "%s", place, %s)));
 """
 SMALL = {"episodes": 4, "kept_steps": 500}
 """Settings of reinforce with which its memory fits into 128 kB."""
+FUNCTIONS: list[tuple[str, Any, Any]] = [
+    ("e^x", lambda x: exponential(x), lambda x: math.exp(x)),
+    ("x^20", lambda x: whole_power(x, 20.0), lambda x: x**20.0),
+    ("tanh x", lambda x: hyperbolic_tangent(x), lambda x: math.tanh(x)),
+    ("erfc x", lambda x: error_function_complement(x), lambda x: math.erfc(x)),
+]
+"""Names, the package's own functions, and those of the C library."""
 Times = list[tuple[int, float]]
 
 
@@ -110,6 +129,38 @@ def sizes() -> str:
     return "\n".join(lines)
 
 
+def timed(function: Any, inputs: np.ndarray) -> Callable[[], float]:
+    """Return a function that returns the nanoseconds of a call of a function of one number."""
+    inner = numba.njit(function)
+
+    @numba.njit
+    def total(values: np.ndarray) -> float:
+        found = 0.0
+        for value in values:
+            found += inner(value)
+        return found
+
+    def nanoseconds() -> float:
+        began = time.perf_counter()
+        total(inputs)
+        return (time.perf_counter() - began) / len(inputs) * 1e9
+
+    nanoseconds()
+    return nanoseconds
+
+
+def functions() -> str:
+    """Return the table of the package's own functions beside those of the C library."""
+    lines = ["| function | ns a call | C library = 1 |", "|---|---|---|"]
+    for name, own, library in FUNCTIONS:
+        inputs = np.random.default_rng(0).uniform(-6, 6, 1_000_000)
+        times = timed(own, inputs), timed(library, inputs)
+        pairs = [(times[0](), times[1]()) for _ in range(9)]
+        mine, ratio = median(a for a, _ in pairs), median(a / b for a, b in pairs)
+        lines.append(f"| {name} | {mine:.1f} | {ratio:.2f} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Measure, and print the tables or write them into a page."""
     parser = make_parser(__doc__, "docs/one-source.md")
@@ -123,7 +174,8 @@ def main() -> None:
         f"{options.seeds} of each; the medians are compared, and compiling is not timed. "
         "Node.js and Chromium stand as parts of the speed here.\n\n"
         "Code and memory in kB:\n\n"
-        f"{sizes()}\n\n`reinforce`, small, is with "
+        f"{sizes()}\n\nOwn functions, for numbers from -6 to 6:\n\n{functions()}\n\n"
+        f"`reinforce`, small, is with "
         f"{' '.join(f'--set {name}={value}' for name, value in SMALL.items())}.\n\n{machine()}\n",
         options.output,
     )
