@@ -146,6 +146,25 @@ def test_a_page_changes_settings(package, name):
 
 
 @pytest.mark.wasm
+def test_a_condition_travels_and_a_page_shortens_a_delay(tmp_path):
+    condition = "delay={},at-300.half_length=0.7,gust=3"
+    case = make_case("q-learning", condition=condition.format(5), **SHORT)
+    [*build_web([case], tmp_path)]
+    program = f"""
+        import {{ load }} from "{(tmp_path / "upright.js").as_uri()}";
+        const learner = await (await load("q-learning")).create({{ seed: {SEED} }});
+        const first = learner.run().lengths;
+        learner.begin({{ seed: {SEED} }});
+        learner.set("task.rig.delay", 1);
+        console.log(JSON.stringify([first, learner.run().lengths]));"""
+    command = ["node", "--input-type=module", "-e", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    for delay, lengths in zip((5, 1), json.loads(done.stdout), strict=True):
+        case = make_case("q-learning", condition=condition.format(delay), **SHORT)
+        assert lengths == make_run(case, SEED, 0)[1].lengths.tolist()
+
+
+@pytest.mark.wasm
 def test_settings_that_are_numbers_can_be_changed(package):
     places = layout_of(package("q-learning"), "q-learning")["settings"]
     assert {"learning_rate", "discount"} <= set(places)
