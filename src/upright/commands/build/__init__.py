@@ -1,7 +1,7 @@
 """Build learners for browsers and microcontrollers, by the code that runs here.
 
-What is built learns from nothing, and every bit of it is that of the same run here. docs/one-source.md
-explains how.
+What is built learns from nothing, and every bit of it is that of the same run here:
+docs/one-source.md explains how.
 """
 
 from typing import Any

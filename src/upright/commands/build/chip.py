@@ -2,9 +2,9 @@
 
 The folder gets an object file, its header in C, a JSON file that says where everything lies in the
 learner's memory, and an example for CMake: the learner on a simulated cart-pole, from the same
-sources, which QEMU runs. The learner needs no heap and no C library. In float64 it has the same bits
-on every processor, and takes longer where there is no unit for it. `upright export` writes a policy
-that does not learn any more.
+sources, which QEMU runs. The learner needs no heap and no C library. In float64 it has the same
+bits on every processor, and takes longer where there is no unit for it. `upright export` writes a
+policy that does not learn any more.
 """
 
 import argparse
@@ -49,9 +49,9 @@ def add_options(parser: Parser) -> None:
         "--precision",
         metavar="NAME",
         choices=PRECISIONS,
-        help="numbers of the learner: float64, with the bits that it has on a computer, or float32, "
-        "which is faster and smaller, but has other trials (default: float64 where the processor "
-        "has a unit for it, else float32)",
+        help="numbers of the learner: float64, with the bits that it has on a computer, or "
+        "float32, which is faster and smaller, but has other trials (default: float64 where the "
+        "processor has a unit for it, else float32)",
     )
     help_text = "the folder to write to; it is created if it is missing (default: %(default)s)"
     add(parser, "--output", default="firmware", metavar="FOLDER", help=help_text)

@@ -1,9 +1,9 @@
 """Build learners for browsers and Node.js, with a page that uses them.
 
 The folder gets, for each agent, a module of WebAssembly and a JSON file that says where everything
-lies in its memory; upright.js, which makes learners of them; and index.html. It is an npm package as
-well, and any static host serves it. What the options say is what a new learner begins with: the page
-may choose another seed, noise, start or plant, and other settings.
+lies in its memory; upright.js, which makes learners of them; and index.html. It is an npm package
+as well, and any static host serves it. What the options say is what a new learner begins with: the
+page may choose another seed, noise, start or plant, and other settings.
 """
 
 import argparse
