@@ -5,6 +5,8 @@
  * contraction (-ffp-contract=off) they agree bit for bit. SI units and radians throughout.
  */
 
+#include <string.h>
+
 #include "../matlab/mex/cartpole.h"
 
 /* ---- The plant alone ------------------------------------------------------------------------- */
@@ -133,6 +135,45 @@ typedef struct {
     int64_t kept_steps, length;
 } ReinforceMemory;
 
+#ifdef __FAST_MATH__
+#define exponential exp /* as it would take away the rounding below */
+#else
+/* e^x, as in upright/core/portable_math.py. */
+static inline double exponential(double x)
+{
+    static const double log_2_high = 0.6931471803691238, log_2_low = 1.9082149292705877e-10;
+    static const double round = 1.5 * 4503599627370496.0;
+    static const double e[14] = {1.0,
+                                 1.0,
+                                 1.0 / 2.0,
+                                 1.0 / 6.0,
+                                 1.0 / 24.0,
+                                 1.0 / 120.0,
+                                 1.0 / 720.0,
+                                 1.0 / 5040.0,
+                                 1.0 / 40320.0,
+                                 1.0 / 362880.0,
+                                 1.0 / 3628800.0,
+                                 1.0 / 39916800.0,
+                                 1.0 / 479001600.0,
+                                 1.0 / 6227020800.0};
+    x = x > 700.0 ? 700.0 : x;
+    x = x < -700.0 ? -700.0 : x;
+    double shifted = x * (1.0 / 0.6931471805599453) + round, n = shifted - round;
+    double r = (x - n * log_2_high) - n * log_2_low, z = r * r, z2 = z * z;
+    double series = (e[2] + r * e[3]) + z * (e[4] + r * e[5]) +
+                    z2 * ((e[6] + r * e[7]) + z * (e[8] + r * e[9]));
+    series += z2 * z2 * ((e[10] + r * e[11]) + z * (e[12] + r * e[13]));
+    double mantissa = 1.0 + (r + z * series);
+    uint64_t doublings, bits;
+    memcpy(&doublings, &shifted, sizeof doublings);
+    memcpy(&bits, &mantissa, sizeof bits);
+    bits += doublings << 52;
+    memcpy(&mantissa, &bits, sizeof mantissa);
+    return mantissa;
+}
+#endif
+
 static inline double activation(double z)
 {
     return z > 0.0 ? z : z / sqrt(1.0 + z * z);
@@ -173,7 +214,7 @@ int64_t trial_reinforce(const Parameters *p, ReinforceMemory *memory, Random *ra
     while (count < steps && !fallen) {
         double inputs[4] = {s.x / m.scales[0], s.x_dot / m.scales[1], s.theta / m.scales[2],
                             s.theta_dot / m.scales[3]};
-        double right = 1.0 / (1.0 + exp(-(m.logit_scale * evaluate(m.weights, inputs))));
+        double right = 1.0 / (1.0 + exponential(-(m.logit_scale * evaluate(m.weights, inputs))));
         bool action = uniform(&r) < right;
         s = step(p, s, push(p, action));
         fallen = has_fallen(p, s);

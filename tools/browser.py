@@ -49,7 +49,10 @@ def serving(folder: Path) -> Iterator[tuple[str, Queue[Any]]]:
 
 def found_in_browser(folder: Path, page: str, **asked: str) -> Any:
     """Return what a page of a folder sends, opened with a query in Chromium."""
-    with serving(folder) as (address, found), TemporaryDirectory() as profile:
+    with (
+        serving(folder) as (address, found),
+        TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+    ):
         options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}"]
         command = ["chromium", *options, f"{address}/{page}?{urlencode(asked)}"]
         quiet = subprocess.DEVNULL

@@ -130,8 +130,11 @@ def changeable_settings(case: Case) -> dict[str, str]:
         except UprightError:  # not allowed with the others
             continue
         differing = [each for each in usual if not np.array_equal(usual[each], content[each])]
-        if len(differing) == 1 and np.array_equal(content[differing[0]], other):
-            found[name] = differing[0]
+        if len(differing) != 1:
+            continue
+        place = differing[0]
+        if np.array_equal([usual[place], content[place]], [value, other]):
+            found[name] = place
     return found
 
 
