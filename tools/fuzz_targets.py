@@ -313,7 +313,7 @@ def _make_what_is_asked_for(given: argparse.Namespace) -> None:
         return
     task = options.task_of(given)
     plant = {"plant": options.plant_of(given)} if "plant_changes" in names else {}
-    agents = [given.agent] if names.get("agent") else options.split(names.get("agents") or "")
+    agents = options.agents_of(given)
     if "changes" in names and agents:
         for case in options.cases_of(given, agents, **task, **plant):
             case.spec.task(np.random.default_rng(0))

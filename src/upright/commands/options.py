@@ -417,7 +417,7 @@ def _refuse_misplaced(
         name = path.rpartition(".")[2].strip().replace("-", "_")
         if any(each.kind == kind and each.is_chosen for each in belongings(name, plant, agents)):
             continue
-        for belonging in belongings(name, plant, agents or _agents_of(options)):
+        for belonging in belongings(name, plant, agents or agents_of(options)):
             if advice := _option_for(belonging, name, value, options):
                 why = f"{name} is {belonging}: {advice}"
                 raise UprightError(f"{NAMED[kind].flag} is {text!r}; {why}")
@@ -437,7 +437,7 @@ def _option_for(belonging: "Belonging", name: str, value: str, options: argparse
     return f"--plant {belonging.owner} {setting}" if is_other else setting
 
 
-def _agents_of(options: argparse.Namespace) -> list[str]:
+def agents_of(options: argparse.Namespace) -> list[str]:
     """Return the agents that a command is given, by name."""
     given = vars(options)
     if given.get("agent"):
