@@ -9,13 +9,11 @@ from string import Template
 from typing import NamedTuple
 
 from upright import __version__
-from upright.builds.folders import own_folder
-from upright.builds.layout import places
 from upright.builds.learner import build_agent, build_cart
 from upright.builds.machine import Machine
 from upright.errors import require_one_of
 from upright.studies.case import Case
-from upright.support.files import write_file
+from upright.support.files import make_folder, write_file
 
 FIRMWARE = Path(__file__).parent / "firmware"
 """The example's files, the same for all chips but for the board."""
@@ -123,7 +121,7 @@ def build_chip(case: Case, cpu: str, folder: Path | str, precision: str | None =
     chip = CPUS[cpu]
     precision = precision or chip.precisions[0]
     require_one_of(f"precision for {cpu}", precision, chip.precisions)
-    place = own_folder(folder)
+    place = make_folder(folder)
     learner = build_agent(case, chip.machine, single=precision == "float32")
     cart = build_cart(case, chip.machine)
     about = (
@@ -137,7 +135,7 @@ def build_chip(case: Case, cpu: str, folder: Path | str, precision: str | None =
         "learner.h": filled(
             "learner.h", about=about, size=f"{size:,}", words=size // 8, number=NUMBER[precision]
         ),
-        "learner.json": json.dumps(places(learner.memory), indent=1) + "\n",
+        "learner.json": json.dumps(learner.memory.layout(), indent=1) + "\n",
         "cart.o": cart.code,
         "cart.h": filled(
             "cart.h",

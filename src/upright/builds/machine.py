@@ -12,6 +12,8 @@ from upright.errors import UprightError
 
 OWN = re.compile(r"llvm\.(?!(?:exp|exp2|pow|powi|log|log2|log10|sin|cos|tan)\.)")
 """Names of what a machine does by itself; the others are functions of its C library."""
+OUTSIDE = {"i64": "i32", "i8": "i32", "double": "double", "float": "float", "ptr": "void"}
+"""What callers give and get for each of Numba's types; its pointer to a result may be to none."""
 
 
 class Machine(NamedTuple):
@@ -154,10 +156,6 @@ define {result} @{name}({", ".join(parameters)}) {{
   {_returned(lowered.result)}
 }}
 """
-
-
-OUTSIDE = {"i64": "i32", "i8": "i32", "double": "double", "float": "float", "ptr": "void"}
-"""What callers give and get for each of Numba's types; its pointer to a result may be to none."""
 
 
 def _inwards(i: int, kind: str) -> tuple[list[str], str]:

@@ -74,6 +74,17 @@ class Memory:
         """Return where something is, in bytes from the beginning of the block."""
         return self.places[name].offset
 
+    def layout(self) -> dict[str, Any]:
+        """Return type, shape and offset [bytes] of everything, by name."""
+        return {
+            place.name: {
+                "type": place.dtype.name,
+                "shape": list(place.shape),
+                "offset": place.offset,
+            }
+            for place in self.places.values()
+        }
+
 
 def narrowed(value: Any, owners: dict[int, tuple[np.ndarray, np.ndarray]] | None = None) -> Any:
     """Return a tuple with its arrays of float64 as float32; views remain views of one array.

@@ -13,8 +13,6 @@ import numpy as np
 
 from upright import __version__
 from upright.agents import is_custom
-from upright.builds.folders import own_folder
-from upright.builds.layout import places
 from upright.builds.learner import Built, build_learner
 from upright.builds.numba_inside import leaves_of
 from upright.builds.wasm import STACK, WASM, find_linker, link
@@ -24,12 +22,11 @@ from upright.errors import UprightError
 from upright.studies.case import Case
 from upright.studies.random_streams import random_numbers
 from upright.studies.run import new_agent
-from upright.support.files import write_file
+from upright.support.files import make_folder, write_file
 from upright.support.settings import describe_settings
 
 PAGE = Path(__file__).parent / "page"
 """The files that are the same whatever is built."""
-EXPORTS = ("begin", "seed", "advance", "push_probability")
 PAGE_OF_MEMORY = 65536
 
 
@@ -61,10 +58,10 @@ def build_web(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
             )
         check_seedable(case)
     find_linker()
-    place = own_folder(folder)
+    place = make_folder(folder)
     for name, case in zip(names, cases, strict=True):
         built = build_learner(case, WASM)
-        code = link(built.code, [each for each in EXPORTS if each in built.names])
+        code = link(built.code, built.names)
         write_file(place / f"{name}.json", json.dumps(layout(case, built), indent=1) + "\n")
         write_file(place / f"{name}.wasm", code)
         yield place / f"{name}.wasm"
@@ -96,7 +93,7 @@ def layout(case: Case, built: Built) -> dict[str, Any]:
         "version": __version__,
         "size": built.memory.size,
         "pages": -(-(STACK + 2 * built.memory.size) // PAGE_OF_MEMORY) + 1,
-        "places": places(built.memory),
+        "places": built.memory.layout(),
         "noises": {name: _sizes(name) for name in NOISES},
         "starts": {name: start._asdict() for name, start in STARTS.items()},
         "parameters": {name: _parameter(case, name) for name in Parameters._fields},

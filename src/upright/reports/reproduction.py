@@ -10,7 +10,6 @@ from pathlib import Path
 from upright.core.conditions import PUBLISHED_NOISES, RUNS, STEPS, TRIALS
 from upright.core.parameters import Parameters
 from upright.core.trials import Result
-from upright.errors import UprightError
 from upright.policies.files import save_policy
 from upright.policies.policy import Policy
 from upright.reports.escaping import Markdown
@@ -32,7 +31,7 @@ from upright.studies.progress import study_with_progress
 from upright.studies.run import make_run
 from upright.studies.store import Store
 from upright.studies.study import check_study
-from upright.support.files import require_apart, write_file
+from upright.support.files import make_folder, require_apart, write_file
 from upright.support.terminal import end_notice
 from upright.support.words import count
 
@@ -85,18 +84,13 @@ def reproduce(
     UprightError
         If the folder cannot be used.
     """
-    folder = Path(folder)
     check_study(runs, seed)
     cases = [
         make_case(agent, label, noise=noise, steps=steps)
         for agent, label in SHOWN
         for noise in PUBLISHED_NOISES
     ]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        why = f"the folder cannot be created: {error.strerror}"
-        raise UprightError(f"output is {str(folder)!r}; {why}") from None
+    folder = make_folder(folder)
     store_file, table, page = (folder / name for name in ("runs.sqlite", "table.json", "report.md"))
     others = (folder / name for name in (*PICTURES, *(f"{agent}.npz" for agent in LEARNERS)))
     require_apart([("output", path) for path in (table, page, *others)], [("store", store_file)])

@@ -240,6 +240,25 @@ def create_file(path: Path | str, text: str) -> None:
             part.discard()
 
 
+def make_folder(folder: Path | str) -> Path:
+    """Return the path of a folder for output, created if it is missing.
+
+    Raises
+    ------
+    UprightError
+        If it cannot be created.
+    """
+    path = Path(folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UprightError(
+            f"output is {said(str(folder))}; the folder cannot be created: {why}"
+        ) from None
+    return path
+
+
 @contextmanager
 def creating(path: Path | str) -> Iterator[Path]:
     """Yield an empty file beside `path`, which becomes it if the block raises nothing.

@@ -5,13 +5,12 @@
  *     const learner = await (await load("q-learning")).create({ seed: 7 });
  *     learner.advance(1000);                  // steps of the run that `--seed 7` makes
  *     learner.state.theta;                    // where the pole is [rad]
- *     learner.array("agent.table");   // the table itself, not a copy
+ *     learner.array("agent.table");           // the table itself, not a copy
  *
  * Units are SI, angles in radians. Nothing here is learned or simulated in JavaScript: it writes
  * numbers into the memory of a module and reads them there.
  */
 
-const PAGE = 65536;
 const STAGES = ["between", "balancing", "succeeded", "failed"];
 const COMPONENTS = ["x", "x_dot", "theta", "theta_dot"];
 const LARGEST_COUNT = 2 ** 31 - 1;

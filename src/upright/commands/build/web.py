@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     from upright.builds.web_package import build_web
 
     cases = cases_of(options, options.agents, **task_of(options))
-    terminal.notice(f"building {len(cases)} of them, which takes some 15 seconds each …")
+    terminal.notice(f"building {', '.join(options.agents)}, which takes some 15 seconds each …")
     for module in build_web(cases, options.output):
         tell_file("module", module)
     return 0
