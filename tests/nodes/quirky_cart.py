@@ -35,8 +35,8 @@ class Quirks:
     command_gain: float = 1.0
     """Newtons for a command of 1."""
     velocities: bool = True
-    broken_after: int = 0
-    """From this measurement on, that of the position is broken; 0: never."""
+    broken_after: float = math.inf
+    """After this time from the first push, measurements of the position are broken [s]."""
     broken: float = math.nan
     """What a broken sensor measures."""
     garbage_after: int = 0
@@ -128,7 +128,7 @@ class QuirkyCart(Node):
         message = JointState(name=list(quirks.names))
         message.position = [a * x + b, c * theta + d]
         message.velocity = [a * x_dot, c * theta_dot] if quirks.velocities else []
-        if 0 < quirks.broken_after <= self.number:
+        if time.time() - self.pushed > quirks.broken_after:
             message.position[0] = quirks.broken
         if quirks.stamped:
             now = time.time() + quirks.jump * (time.time() - self.pushed > 1)
@@ -166,6 +166,7 @@ def main() -> None:
     tuples = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
     rclpy.init()
     cart = QuirkyCart(replace(Quirks(), **(given | tuples)))
+    print("there", flush=True)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(cart)
 

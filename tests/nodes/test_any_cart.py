@@ -18,8 +18,14 @@ CART = [sys.executable, str(Path(__file__).with_name("quirky_cart.py"))]
 
 @pytest.fixture
 def cart(start):
-    """Return a function that starts a cart with these quirks."""
-    return lambda **quirks: start("", [*CART, json.dumps(quirks)])
+    """Return a function that starts a cart with these quirks, and waits until it is there."""
+
+    def started(**quirks):
+        process = start("", [*CART, json.dumps(quirks)])
+        assert process.stdout.readline() == "there\n", process.stderr.read()
+        return process
+
+    return started
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +116,7 @@ def test_a_clock_that_is_set_misses_no_periods(jump, cart, learn):
 def test_a_measurement_that_is_none_ends_the_run(broken, cart, learn):
     """With a status or without one."""
     for status in ("", "RELIABLE"):
-        process = cart(broken_after=60, broken=broken, status=status)
+        process = cart(broken_after=1.0, broken=broken, status=status)
         status, out, told = learn(steps=1000)
         assert status == BAD_USE
         assert f"a Fault: joint_states holds ({broken}, " in told

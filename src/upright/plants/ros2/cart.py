@@ -54,6 +54,9 @@ ACKNOWLEDGED = Duration(seconds=0.2)
 """How long to wait for the last command to be acknowledged."""
 SETTLED, SETTLING = 0.3, 0.02
 """After this time without new nodes, those that are there are known; how often to look [s]."""
+ANNOUNCED = 3.2
+"""Within this time each node announces itself again, so all are known by then [s]. Until then some
+may be missing: Fast DDS loses an answer that arrives in the first milliseconds of a new node."""
 NOTICE = 5.0
 """After this time it is said that a reset is waited for [s]."""
 ABSURD = 1e6
@@ -105,6 +108,7 @@ class Cart:
         """Resources that are closed with the cart."""
         self.periods = Periods(parameters.time_step, waiting.watchdog)
         """The control periods, by the time stamps of the cart's measurements."""
+        self._created = time.monotonic()
         self._node, self._waiting, self._parameters = node, waiting, parameters
         self._stop, self._simulated, self._say = stop, simulated is not None, say
         self._settings, self._sensors = settings, Sensors(settings)
@@ -250,7 +254,8 @@ class Cart:
     def _settle(self) -> None:
         """Wait until all nodes on the cart's topics are known, as they appear one by one."""
         present, until = self._peers.numbers(), time.monotonic() + SETTLED
-        while time.monotonic() < until:
+        known = self._created + (0.0 if self._simulated else ANNOUNCED)
+        while time.monotonic() < max(until, known):
             self._peers.refuse_lasting()
             self._spin(lambda: False, SETTLING)
             if present != (now := self._peers.numbers()):
