@@ -99,7 +99,8 @@ GAPS := $(BIN)/upright table --runs 100 --noises none --settings as-published \
 OTHER_BOXES := --set 'x_edges=(-1.6,1.6)' --set 'x_dot_edges=(0.0,)' \
   --set 'theta_edges=(-0.0524,-0.0175,0.0175,0.0524)' \
   --set 'theta_dot_edges=(-0.873,-0.524,-0.209,0.0,0.209,0.524,0.873)'
-RECORDS := $(addprefix docs/, leaderboard.md robust.md first-hour.md pictures/sweep.png pictures/play.gif) \
+RECORDS := $(addprefix docs/, leaderboard.md robust.md first-hour.md pictures/sweep.png pictures/watch.png \
+  pictures/play.gif) \
   $(addprefix docs/results/, report.md reinforce-600000.md ndp-zero.md ndp-random.md \
   all-measurements-zero.md all-measurements-random.md report-settings.md matlab.md gazebo.md)
 
@@ -117,6 +118,9 @@ docs/pictures/sweep.png: .venv/developed
 	  --parameter half_length=0.25:2:8:log --runs 20 --store docs/results/sweep.sqlite \
 	  --format json --output docs/results/sweep.json
 	$(BIN)/upright plot sweep docs/results/sweep.sqlite --output $@
+
+docs/pictures/watch.png: .venv/developed
+	$(BIN)/python tools/record_page.py docs/pictures
 
 docs/pictures/play.gif: .venv/developed
 	$(BIN)/upright learn reinforce --noise gaussian-0.2 --seed 1 --save docs/results/policy.npz --quiet

@@ -21,7 +21,7 @@ SHORT = crash.Scenario(
 )
 READ_ONLY = {"agents", "check", "completion", "plants", "terms", "verify"}
 """Commands that write nothing but to the terminal."""
-ELSEWHERE = {"build", "gazebo", "ros2"}
+ELSEWHERE = {"build", "gazebo", "ros2", "watch"}
 """Commands tested in tests/builds, tests/plants/test_gazebo.py and tests/nodes/test_ros2.py."""
 
 

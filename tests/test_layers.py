@@ -9,7 +9,7 @@ from upright.support.files import PACKAGE
 
 DIRECTION = """
 errors < support < core < agents, plants, pictures < policies, environments < studies
-< reports, builds < nodes < commands
+< reports, builds < live, nodes < commands
 """
 FLOORS = [set(floor.split(", ")) for floor in " ".join(DIRECTION.split()).split(" < ")]
 FLOOR_OF = {room: number for number, floor in enumerate(FLOORS) for room in floor}

@@ -27,6 +27,8 @@ from upright.support.settings import describe_settings
 
 PAGE = Path(__file__).parent / "page"
 """The files that are the same whatever is built."""
+LIBRARY = PAGE / "upright.js"
+"""The file that makes learners of modules."""
 PAGE_OF_MEMORY = 65536
 
 
@@ -50,6 +52,23 @@ def build_web(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
     UprightError
         If an agent cannot be built, the linker is missing, or the folder cannot be written.
     """
+    place = make_folder(folder)
+    yield from write_modules(cases, place)
+    for file in sorted(PAGE.iterdir()):
+        write_file(place / file.name, file.read_bytes())
+    names = [module_name(case) for case in cases]
+    write_file(place / "learners.json", json.dumps(names) + "\n")
+    write_file(place / "package.json", json.dumps(npm_package(names), indent=2) + "\n")
+
+
+def write_modules(cases: Sequence[Case], place: Path) -> Iterator[Path]:
+    """Write the modules of learners alone, each with its JSON file, into a folder; yield each.
+
+    Raises
+    ------
+    UprightError
+        As above.
+    """
     names = [module_name(case) for case in cases]
     for name, case in zip(names, cases, strict=True):
         if names.count(name) > 1:
@@ -58,17 +77,12 @@ def build_web(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
             )
         check_seedable(case)
     find_linker()
-    place = make_folder(folder)
     for name, case in zip(names, cases, strict=True):
         built = build_learner(case, WASM)
         code = link(built.code, built.names)
-        write_file(place / f"{name}.json", json.dumps(layout(case, built), indent=1) + "\n")
+        write_file(place / f"{name}.json", json.dumps(layout(case, built), separators=(",", ":")))
         write_file(place / f"{name}.wasm", code)
         yield place / f"{name}.wasm"
-    for file in sorted(PAGE.iterdir()):
-        write_file(place / file.name, file.read_bytes())
-    write_file(place / "learners.json", json.dumps(names) + "\n")
-    write_file(place / "package.json", json.dumps(npm_package(names), indent=2) + "\n")
 
 
 def module_name(case: Case) -> str:

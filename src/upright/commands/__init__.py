@@ -35,6 +35,7 @@ COMMANDS: Registry[Any] = Registry(
         "plot": "upright.commands.plot",
         "export": "upright.commands.export",
         "build": "upright.commands.build",
+        "watch": "upright.commands.watch",
         "agents": "upright.commands.agents",
         "plants": "upright.commands.plants",
         "terms": "upright.commands.terms",

@@ -1,0 +1,22 @@
+// What pure guessing needs on the same task: a hundred runs of random search, made a few at a time.
+
+const RUNS = 100;
+
+/**
+ * Yield runs of a guess, one after the other, and at last the quartiles of how many trials they took.
+ * @param {import("./upright.js").LearnerModule} module
+ * @param {import("./upright.js").RunOptions} task
+ */
+export async function* guesses(module, task) {
+  const learner = await module.create(task);
+  /** @type {number[]} */
+  const trials = [];
+  for (let run = 0; run < RUNS; run += 1) {
+    learner.begin({ ...task, run });
+    learner.set("task.rig.delay", 0);
+    trials.push(learner.run().lengths.length);
+    trials.sort((one, other) => one - other);
+    const part = (/** @type {number} */ p) => trials[Math.round(p * (trials.length - 1))];
+    yield { low: part(0.25), middle: part(0.5), high: part(0.75) };
+  }
+}
