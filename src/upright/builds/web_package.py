@@ -52,8 +52,8 @@ def build_web(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
     UprightError
         If an agent cannot be built, the linker is missing, or the folder cannot be written.
     """
-    place = make_folder(folder)
-    yield from write_modules(cases, place)
+    yield from write_modules(cases, folder)
+    place = Path(folder)
     for file in sorted(PAGE.iterdir()):
         write_file(place / file.name, file.read_bytes())
     names = [module_name(case) for case in cases]
@@ -61,13 +61,13 @@ def build_web(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
     write_file(place / "package.json", json.dumps(npm_package(names), indent=2) + "\n")
 
 
-def write_modules(cases: Sequence[Case], place: Path) -> Iterator[Path]:
-    """Write the modules of learners alone, each with its JSON file, into a folder; yield each.
+def write_modules(cases: Sequence[Case], folder: Path | str) -> Iterator[Path]:
+    """Write the modules of learners alone, each with its JSON file, to a folder; yield each.
 
     Raises
     ------
     UprightError
-        As above.
+        As above, and then before the folder is created.
     """
     names = [module_name(case) for case in cases]
     for name, case in zip(names, cases, strict=True):
@@ -77,6 +77,7 @@ def write_modules(cases: Sequence[Case], place: Path) -> Iterator[Path]:
             )
         check_seedable(case)
     find_linker()
+    place = make_folder(folder)
     for name, case in zip(names, cases, strict=True):
         built = build_learner(case, WASM)
         code = link(built.code, built.names)

@@ -11,7 +11,7 @@ from upright.core.conditions import NOISES, STARTS
 from upright.core.task import TaskSpec
 from upright.reports.published import SOURCES
 from upright.studies.case import Case, make_case
-from upright.support.files import make_folder, write_file
+from upright.support.files import write_file
 
 PAGE = Path(__file__).parent / "page"
 """The files of the page."""
@@ -37,8 +37,8 @@ def build_page(folder: Path | str) -> Iterator[Path]:
     UprightError
         If the linker is missing, or the folder cannot be written.
     """
-    place = make_folder(folder)
-    yield from write_modules(_cases(), place)
+    yield from write_modules(_cases(), folder)
+    place = Path(folder)
     write_file(place / "page.json", json.dumps(_known()))
     for file in [*sorted(PAGE.iterdir()), LIBRARY]:
         write_file(place / file.name, file.read_bytes())
