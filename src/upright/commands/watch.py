@@ -10,7 +10,8 @@ import argparse
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from upright.commands.parser import Parser
+from upright.commands.options import whole
+from upright.commands.parser import WRITTEN, Parser
 from upright.commands.showing import tell_file
 from upright.errors import require
 from upright.support import terminal
@@ -27,9 +28,8 @@ exit status: 0 if the page was written, 2 if something asked for is not possible
 def add_options(parser: Parser) -> None:
     """Add the options of `upright watch`."""
     help_text = "write the page to this folder, and do not serve it"
-    parser.add_argument("--build", metavar="FOLDER", help=help_text)
-    help_text = "serve at this port; 0 takes any free one (default: %(default)s)"
-    parser.add_argument("--port", type=int, default=8000, metavar="PORT", help=help_text)
+    parser.add_argument("--build", metavar="FOLDER", file=WRITTEN, help=help_text)
+    parser.add_argument("--port", **whole(8000, "serve at this port; 0 takes any free one"))
 
 
 def run(options: argparse.Namespace) -> int:
