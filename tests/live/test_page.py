@@ -92,6 +92,17 @@ def test_every_agent_makes_the_trials_of_the_command_line(name, visit):
     assert page.inner_text("#command") == f"upright learn {name} --noise {noise} --seed 7"
 
 
+def test_a_swarm_makes_the_runs_of_a_study(visit):
+    page = visit("#agent=random-search&seed=5&speed=max&view=swarm")
+    wait_for(page, "document.querySelector('#caption').textContent.startsWith('100 of 100 stand')")
+    case = make_case("random-search")
+    trials = [make_run(case, 5, run)[1].trials for run in range(100)]
+    told = f"up to {max(trials)}"
+    page.wait_for_function(f"document.querySelector('#trial').textContent === '{told}'")
+    command = "upright table --runs 100 --agents random-search --noises none --seed 5"
+    assert page.inner_text("#command") == command
+
+
 def test_it_moves_and_learns_with_nothing_filled_in(visit):
     page = visit()
     first = number_in(page, "Position")

@@ -7,11 +7,12 @@
  * @property {string} start
  * @property {number} seed
  * @property {string} speed
+ * @property {string} view `one` run, or a `swarm`
  * @property {Record<string, number>} body what sliders set: parameters of the plant, and `delay`
  */
 
 /** @type {Choice} */
-export const USUAL = { agent: "q-learning", noise: "none", start: "random", seed: 1, speed: "auto", body: {} };
+export const USUAL = { agent: "q-learning", noise: "none", start: "random", seed: 1, speed: "auto", view: "one", body: {} };
 
 /**
  * What sliders set: their names, units, factors of these in SI units, lowest and highest values, and
@@ -29,13 +30,13 @@ export const SLIDERS = {
 /**
  * Return the choice that an address holds; what it does not hold, or wrongly, is as usual.
  * @param {string} hash
- * @param {Record<"agent" | "noise" | "start" | "speed", string[]>} allowed
+ * @param {Record<"agent" | "noise" | "start" | "speed" | "view", string[]>} allowed
  */
 export function fromAddress(hash, allowed) {
   const given = new URLSearchParams(hash.replace(/^#/, ""));
   /** @type {Choice} */
   const choice = { ...USUAL, body: {} };
-  for (const name of /** @type {const} */ (["agent", "noise", "start", "speed"])) {
+  for (const name of /** @type {const} */ (["agent", "noise", "start", "speed", "view"])) {
     const value = given.get(name) ?? "";
     if (allowed[name].includes(value)) choice[name] = value;
   }
@@ -51,7 +52,7 @@ export function fromAddress(hash, allowed) {
 /** Return the address of a choice, without what is as usual. @param {Choice} choice */
 export function toAddress(choice) {
   const kept = new URLSearchParams();
-  for (const name of /** @type {const} */ (["agent", "noise", "start", "seed", "speed"])) {
+  for (const name of /** @type {const} */ (["agent", "noise", "start", "seed", "speed", "view"])) {
     if (choice[name] !== USUAL[name]) kept.set(name, String(choice[name]));
   }
   for (const [name, value] of Object.entries(choice.body)) kept.set(name, String(value));
@@ -59,9 +60,10 @@ export function toAddress(choice) {
 }
 
 /** Return the command that makes the same run, but for what a hand does. @param {Choice} choice */
-export function commandOf({ agent, noise, start, seed, body }) {
-  const words = ["upright learn", agent];
-  if (noise !== "none") words.push("--noise", noise);
+export function commandOf({ agent, noise, start, seed, view, body }) {
+  const words = view === "one" ? ["upright learn", agent] : ["upright table --runs 100 --agents", agent];
+  if (view === "swarm") words.push("--noises", noise);
+  else if (noise !== "none") words.push("--noise", noise);
   if (start !== "random") words.push("--start", start);
   words.push("--seed", String(seed));
   for (const [name, value] of Object.entries(body)) {

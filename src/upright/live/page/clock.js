@@ -3,11 +3,21 @@
 
 /** @typedef {import("./run.js").Run} Run */
 
-const FIRST = 2; // so many falls are seen in real time
+const FIRST = 2; // this many falls are seen in real time
 const STANDS = 500; // steps of a trial after which the pole stands
 const PAUSE = 0.8; // after a fall in real time [s]
 const BUDGET = 12; // how long a frame may compute [ms]
 const LONGEST = 0.1; // a frame that took longer counts as this long [s]
+
+/**
+ * Return how many steps are due after a time.
+ * @param {number} seconds
+ * @param {string} speed how many times real time, or "max"
+ * @param {number} timeStep [s]
+ */
+export function due(seconds, speed, timeStep) {
+  return speed === "max" ? 1e9 : (Math.min(seconds, LONGEST) * Number(speed)) / timeStep;
+}
 
 export class Clock {
   constructor() {
@@ -18,16 +28,15 @@ export class Clock {
   }
 
   /**
-   * Return how many times real time a run is to go now.
+   * Return how fast a run is to go now.
    * @param {string} speed
    * @param {Run} run
    */
-  factor(speed, run) {
-    if (speed === "max") return Infinity;
-    if (speed !== "auto") return Number(speed);
+  speedOf(speed, run) {
+    if (speed !== "auto") return speed;
     const { trials, steps, stage } = run.learner;
-    if (stage === "balancing" && steps > STANDS) return 1;
-    return trials < FIRST ? 1 : 10;
+    if (stage === "balancing" && steps > STANDS) return "1";
+    return trials < FIRST ? "1" : "10";
   }
 
   /**
@@ -41,21 +50,21 @@ export class Clock {
     this.watched += passed;
     this.rest = Math.max(0, this.rest - passed);
     if (this.rest > 0 || run.over) return false;
-    const factor = this.factor(speed, run);
+    const now = this.speedOf(speed, run);
     const trials = run.learner.trials;
-    this.owed = factor === Infinity ? 1e9 : Math.min(this.owed, 1e6) + (passed * factor) / run.timeStep;
-    const seen = factor <= 10;
+    this.owed = Math.min(this.owed, 1e6) + due(passed, now, run.timeStep);
+    const seen = Number(now) <= 10;
     const end = performance.now() + BUDGET;
     while (this.owed >= 1 && performance.now() < end) {
       const made = run.advance(Math.min(Math.floor(this.owed), seen ? 100 : 20_000), seen);
       this.owed = made ? this.owed - made : 0;
       if (seen && run.learner.trials > trials) {
         this.owed = 0;
-        this.rest = factor <= 1 ? PAUSE : PAUSE / factor;
+        this.rest = PAUSE / Math.max(1, Number(now));
         break;
       }
     }
-    if (factor === Infinity) this.owed = 0;
+    if (now === "max") this.owed = 0; // or a slower speed would begin late
     return run.learner.trials > trials;
   }
 }

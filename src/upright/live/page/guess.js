@@ -3,7 +3,7 @@
 const RUNS = 100;
 
 /**
- * Yield runs of a guess, one after the other, and at last the quartiles of how many trials they took.
+ * After each run, yield how many trials the runs took so far, in order, and the quartiles.
  * @param {import("./upright.js").LearnerModule} module
  * @param {import("./upright.js").RunOptions} task
  */
@@ -17,6 +17,6 @@ export async function* guesses(module, task) {
     trials.push(learner.run().lengths.length);
     trials.sort((one, other) => one - other);
     const part = (/** @type {number} */ p) => trials[Math.round(p * (trials.length - 1))];
-    yield { low: part(0.25), middle: part(0.5), high: part(0.75) };
+    yield { low: part(0.25), high: part(0.75), trials: [...trials] };
   }
 }

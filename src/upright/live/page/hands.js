@@ -8,11 +8,12 @@ export const GUST = { force: 25, seconds: 0.2 };
 const NEAR = 24; // a pole is taken hold of within this distance [pixels]
 
 /**
- * Let a visitor push and drag the cart-pole of the present run.
+ * Let a visitor push what is shown, and drag the cart-pole of the present run.
  * @param {HTMLCanvasElement} canvas
  * @param {() => Run} present
+ * @param {(force: number, seconds: number) => void} push
  */
-export function layHandsOn(canvas, present) {
+export function layHandsOn(canvas, present, push) {
   /** What is held: the cart, the pole or nothing. */
   let held = "";
 
@@ -23,7 +24,7 @@ export function layHandsOn(canvas, present) {
     const at = placeOf(event);
     if (distance(at, foot, tip) < NEAR && at[1] < foot[1]) held = "pole";
     else if (Math.abs(at[0] - foot[0]) < 0.3 * view.scale && at[1] >= foot[1] - NEAR) held = "cart";
-    else run.push(Math.sign(foot[0] - at[0]) * TAP.force, TAP.seconds);
+    else push(Math.sign(foot[0] - at[0]) * TAP.force, TAP.seconds);
     if (held) canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -50,7 +51,7 @@ export function layHandsOn(canvas, present) {
     if (!side) return;
     event.preventDefault();
     const { force, seconds } = event.shiftKey ? GUST : TAP;
-    present().push(side * force, seconds);
+    push(side * force, seconds);
   });
 }
 

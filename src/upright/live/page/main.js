@@ -2,14 +2,17 @@
 import { load } from "./upright.js";
 import { commandOf, fromAddress, SLIDERS, toAddress, USUAL } from "./choice.js";
 import { Clock } from "./clock.js";
+import { drawCurves, explainCurves } from "./curves.js";
 import { guesses } from "./guess.js";
 import { GUST, layHandsOn, TAP } from "./hands.js";
 import { drawInside, explainInside } from "./inside.js";
 import { Run } from "./run.js";
 import { drawStage } from "./stage.js";
+import { Swarm } from "./swarm.js";
 import { drawTrials, explainTrials } from "./trials.js";
 import { caption, fallen, time } from "./words.js";
 
+/** @typedef {import("./upright.js").Learner} Learner */
 /** @typedef {import("./upright.js").LearnerModule} LearnerModule */
 
 const GUESS = "random-search";
@@ -28,25 +31,27 @@ const known = await (await fetch("page.json")).json();
 /** @type {Map<string, LearnerModule>} */
 const modules = new Map();
 let playing = true;
-/** @type {Run} */
+/** The run that is shown; of a swarm, its first. @type {Run} */
 let run;
+/** @type {Swarm | null} */
+let swarm = null;
 let clock = new Clock();
 /** @type {import("./trials.js").Reference} */
 let reference = { guess: null, published: null };
 let frames = 0;
 let last = 0;
-let seconds = 0; // how long the last frame took
 
 /** @template {HTMLElement} T @param {string} id @returns {T} */
 const byId = (id) => /** @type {T} */ (document.getElementById(id));
 const [stage, trials, inside] = /** @type {HTMLCanvasElement[]} */ (["stage", "trials", "inside"].map(byId));
 const form = /** @type {HTMLFormElement} */ (byId("choice"));
-const speed = /** @type {HTMLSelectElement} */ (byId("speed"));
+const [speed, view] = /** @type {HTMLSelectElement[]} */ (["speed", "view"].map(byId));
 const allowed = {
   agent: known.agents,
   noise: known.noises,
   start: known.starts,
   speed: [...speed.options].map(({ value }) => value),
+  view: [...view.options].map(({ value }) => value),
 };
 let choice = fromAddress(location.hash, allowed);
 
@@ -57,9 +62,8 @@ async function begin() {
   const { agent, noise, start, seed, body } = choice;
   const module = await moduleOf(agent);
   const options = { noise, start, seed, parameters: parametersOf(body) };
-  const learner = await module.create(options);
-  learner.set("task.rig.delay", body.delay ?? 0);
-  [run, clock] = [new Run(learner), new Clock()];
+  const made = await Swarm.create(module, options, body.delay ?? 0, choice.view === "swarm" ? 100 : 1);
+  [run, swarm, clock] = [made.runs[0], choice.view === "swarm" ? made : null, new Clock()];
   reference = { guess: null, published: known.published[agent]?.[`${noise} ${start}`] ?? null };
   if (Object.keys(body).length) reference.published = null;
   guess(run, options);
@@ -91,15 +95,21 @@ async function guess(of, task) {
 
 function frame(/** @type {number} */ now) {
   requestAnimationFrame(frame);
-  seconds = (now - last) / 1000;
+  const seconds = (now - last) / 1000;
   last = now;
-  if (!run) return;
-  if (playing && clock.advance(run, seconds, choice.speed)) tellFall();
-  draw();
+  if (playing && swarm) swarm.advance(seconds, choice.speed);
+  else if (playing && clock.advance(run, seconds, choice.speed)) tellFall();
+  if (swarm) showSwarm(swarm);
+  else showRun();
+  if (frames % INSIDE_EVERY === 0) drawInside(inside, run);
+  frames += 1;
+  say("inside-note", explainInside(run.learner));
+  say("play", playing ? "Pause" : "Play");
+  if (byId("numbers").closest("details")?.open) fillTables();
 }
 
-function draw() {
-  const { learner } = run;
+function showRun() {
+  const { learner, timeStep } = run;
   drawStage(stage, {
     state: learner.state,
     measured: isNoisy() ? learner.observation : undefined,
@@ -110,9 +120,27 @@ function draw() {
   });
   const present = learner.stage === "balancing" ? learner.steps : 0;
   drawTrials(trials, learner.lengths, present, learner.number("task.steps"), reference);
-  if (frames % INSIDE_EVERY === 0) drawInside(inside, run);
-  frames += 1;
-  tell();
+  say("caption", caption(run));
+  say("trial", `${learner.trials + (learner.stage === "balancing" ? 1 : 0)}`);
+  say("balanced", time(learner.steps * timeStep));
+  say("simulated", time(run.steps * timeStep));
+  say("watched", time(clock.watched));
+  say("trials-note", explainTrials(reference));
+}
+
+/** @param {Swarm} shown */
+function showSwarm(shown) {
+  shown.draw(stage);
+  const { needed, most } = shown;
+  const guessed = reference.guess?.trials ?? [];
+  drawCurves(trials, needed, most, guessed);
+  const standing = needed.filter(Number.isFinite).length;
+  say("caption", `${standing} of ${needed.length} stand. Each has its own random numbers, and learns for itself.`);
+  say("trial", `up to ${most}`);
+  say("balanced", "–");
+  say("simulated", time(shown.runs.reduce((sum, { steps }) => sum + steps, 0) * run.timeStep));
+  say("watched", "–");
+  say("trials-note", explainCurves(needed, guessed));
 }
 
 /** Whether what the agent measures is not the truth. */
@@ -124,19 +152,6 @@ function isNoisy() {
 function say(id, text) {
   const place = byId(id);
   if (place.textContent !== text) place.textContent = text;
-}
-
-function tell() {
-  const { learner, timeStep } = run;
-  say("caption", caption(run));
-  say("trial", `${learner.trials + (learner.stage === "balancing" ? 1 : 0)}`);
-  say("balanced", time(learner.steps * timeStep));
-  say("simulated", time(run.steps * timeStep));
-  say("watched", time(clock.watched));
-  say("trials-note", explainTrials(reference));
-  say("inside-note", explainInside(learner));
-  say("play", playing ? "Pause" : "Play");
-  if (byId("numbers").closest("details")?.open) fillTables();
 }
 
 /** Tell screen readers of the end of a trial. */
@@ -181,7 +196,7 @@ function show() {
     fillSelect(name, allowed[name], choice[name]);
   }
   field("seed").value = String(choice.seed);
-  speed.value = choice.speed;
+  [speed.value, view.value] = [choice.speed, choice.view];
   for (const [name, { times = 1, unit }] of Object.entries(SLIDERS)) {
     const usual = name === "delay" ? 0 : layout.parameters[name].value;
     const value = (choice.body[name] ?? usual) * times;
@@ -218,15 +233,22 @@ function makeSliders() {
 function change(name, value) {
   if (name === "noise") {
     choice.noise = value;
-    run.learner.setNoise(value);
+    each((learner) => learner.setNoise(value));
   } else {
     const number = Number(value) / (SLIDERS[name].times ?? 1);
     choice.body[name] = number;
-    if (name === "delay") run.learner.set("task.rig.delay", number);
-    else run.learner.setParameters({ [name]: number });
+    each((learner) => {
+      if (name === "delay") learner.set("task.rig.delay", number);
+      else learner.setParameters({ [name]: number });
+    });
   }
   run.touched = true;
   show();
+}
+
+/** Do something with every learner that is shown. @param {(learner: Learner) => void} work */
+function each(work) {
+  for (const { learner } of swarm?.runs ?? [run]) work(learner);
 }
 
 function toggle() {
@@ -235,7 +257,8 @@ function toggle() {
 
 function step() {
   playing = false;
-  if (run.advance(1, true) && run.learner.stage !== "balancing") tellFall();
+  for (const stepped of swarm?.runs ?? [run]) stepped.advance(1, true);
+  if (!swarm && run.learner.stage !== "balancing") tellFall();
 }
 
 function again() {
@@ -245,12 +268,12 @@ function again() {
 }
 
 function listen() {
-  layHandsOn(stage, () => run);
+  layHandsOn(stage, () => run, push);
   byId("play").addEventListener("click", toggle);
   byId("step").addEventListener("click", step);
   byId("again").addEventListener("click", again);
-  byId("left").addEventListener("click", () => run.push(-TAP.force, TAP.seconds));
-  byId("right").addEventListener("click", () => run.push(TAP.force, TAP.seconds));
+  byId("left").addEventListener("click", () => push(-TAP.force, TAP.seconds));
+  byId("right").addEventListener("click", () => push(TAP.force, TAP.seconds));
   byId("gust").addEventListener("click", gust);
   byId("usual").addEventListener("click", () => {
     choice = { ...USUAL, agent: choice.agent, body: {} };
@@ -259,6 +282,10 @@ function listen() {
   speed.addEventListener("change", () => {
     choice.speed = speed.value;
     show();
+  });
+  view.addEventListener("change", () => {
+    choice.view = view.value;
+    begin();
   });
   form.addEventListener("input", ({ target }) => {
     const { name, value } = /** @type {HTMLInputElement} */ (target);
@@ -286,8 +313,13 @@ function listen() {
   });
 }
 
+/** Push every cart with a force [N] for a time [s]. @param {number} force @param {number} seconds */
+function push(force, seconds) {
+  for (const pushed of swarm?.runs ?? [run]) pushed.push(force, seconds);
+}
+
 function gust() {
-  run.push((Math.random() < 0.5 ? -1 : 1) * GUST.force, GUST.seconds);
+  push((Math.random() < 0.5 ? -1 : 1) * GUST.force, GUST.seconds);
 }
 
 makeSliders();

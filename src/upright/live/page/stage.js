@@ -62,7 +62,7 @@ export function drawStage(canvas, scene) {
 /** @typedef {ReturnType<typeof viewOf>} View */
 
 /** @param {Pen} pen @param {View} view @param {Record<string, number>} parameters */
-function drawTrack(pen, view, parameters) {
+export function drawTrack(pen, view, parameters) {
   const limit = parameters.position_limit;
   line(pen, "track", 2, [view.x(-limit), view.ground], [view.x(limit), view.ground]);
   for (const side of [-limit, limit]) {

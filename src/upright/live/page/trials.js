@@ -3,7 +3,8 @@ import { colour, line, penOf, write } from "./paint.js";
 
 /**
  * @typedef {object} Reference what trials are compared with, in numbers of trials
- * @property {{ low: number, middle: number, high: number } | null} guess of half of its runs, and the median
+ * @property {{ low: number, high: number, trials: number[] } | null} guess between which half of its runs
+ *   end, and all of them in order
  * @property {{ name: string, trials: number } | null} published
  */
 
