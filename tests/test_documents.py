@@ -34,6 +34,7 @@ COMMANDS_NOT_RUN = {
     "study": "needs its file, and has tests of its own",
     "table": "takes minutes",
     "tune": "takes minutes",
+    "watch": "runs until it is stopped, and has tests of its own",
     "--plant": "needs the simulator",
     "--video": "takes half a minute, and has tests of its own",
     "--window": "needs a display",
