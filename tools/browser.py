@@ -8,10 +8,13 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from queue import Queue
+from shutil import which
 from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 from urllib.parse import urlencode
+
+from playwright.sync_api import Browser, sync_playwright
 
 SECONDS = 300
 """How long a page may take."""
@@ -45,6 +48,16 @@ def serving(folder: Path) -> Iterator[tuple[str, Queue[Any]]]:
             yield f"http://127.0.0.1:{server.server_port}", found
         finally:
             server.shutdown()
+
+
+@contextmanager
+def driven_chromium() -> Iterator[Browser]:
+    """Provide a Chromium without a window, whose pages are visited by program."""
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox"]
+        browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)
+        yield browser
+        browser.close()
 
 
 def found_in_browser(folder: Path, page: str, **asked: str) -> Any:

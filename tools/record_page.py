@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from browser import serving
-from playwright.sync_api import sync_playwright
+from browser import driven_chromium, serving
 
 from upright.live.static_page import build_page
 
@@ -22,15 +21,12 @@ STANDS = "document.querySelector('#caption').textContent.startsWith('It stands')
 
 def record(page: Path, folder: Path) -> None:
     """Write all pictures of a page to a folder."""
-    with serving(page) as (address, _), sync_playwright() as started:
-        options = ["--no-sandbox"]
-        browser = started.chromium.launch(executable_path="/usr/bin/chromium", args=options)
+    with serving(page) as (address, _), driven_chromium() as browser:
         for name, like in SIZES.items():
             visited = browser.new_page(**like)  # type: ignore[arg-type]
             visited.goto(f"{address}/index.html")
             visited.wait_for_function(STANDS)
             visited.screenshot(path=folder / name)
-        browser.close()
 
 
 if __name__ == "__main__":

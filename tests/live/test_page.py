@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from browser import serving
+from browser import driven_chromium, serving
 
 from upright.agents import AGENTS
 from upright.studies.case import make_case
@@ -28,13 +28,8 @@ def address(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as started:
-        options = {"executable_path": "/usr/bin/chromium", "args": ["--no-sandbox"]}
-        browser = started.chromium.launch(**options)
+    with driven_chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -193,23 +188,3 @@ def test_it_fits_a_phone(scheme, visit):
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert page.locator("#stage").bounding_box()["height"] <= 0.45 * PHONE["height"]
     assert page.evaluate("document.querySelector('#stage').width") >= 3 * 340
-
-
-def test_a_server_of_this_machine_serves_it(tmp_path):
-    """What `upright watch` serves with, and its port when that is taken."""
-    from urllib.request import urlopen
-
-    from upright.errors import UprightError
-    from upright.live.static_server import static_server
-
-    (tmp_path / "index.html").write_text("here")
-    with static_server(tmp_path, 0) as server:
-        from threading import Thread
-
-        Thread(target=server.serve_forever, daemon=True).start()
-        assert server.server_address[0] == "127.0.0.1"
-        assert urlopen(f"http://127.0.0.1:{server.server_port}").read() == b"here"
-        taken = pytest.raises(UprightError, match=r"port is \d+; nothing can listen there")
-        with taken, static_server(tmp_path, server.server_port):
-            pass
-        server.shutdown()

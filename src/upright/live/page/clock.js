@@ -4,9 +4,8 @@
 /** @typedef {import("./run.js").Run} Run */
 
 const FIRST = 2; // this many falls are seen in real time
-const STANDS = 500; // steps of a trial after which the pole stands
 const PAUSE = 0.8; // after a fall in real time [s]
-const BUDGET = 12; // how long a frame may compute [ms]
+export const BUDGET = 12; // how long a frame may compute [ms]
 const LONGEST = 0.1; // a frame that took longer counts as this long [s]
 
 /**
@@ -34,9 +33,7 @@ export class Clock {
    */
   speedOf(speed, run) {
     if (speed !== "auto") return speed;
-    const { trials, steps, stage } = run.learner;
-    if (stage === "balancing" && steps > STANDS) return "1";
-    return trials < FIRST ? "1" : "10";
+    return run.stands || run.learner.trials < FIRST ? "1" : "10";
   }
 
   /**
@@ -52,7 +49,7 @@ export class Clock {
     if (this.rest > 0 || run.over) return false;
     const now = this.speedOf(speed, run);
     const trials = run.learner.trials;
-    this.owed = Math.min(this.owed, 1e6) + due(passed, now, run.timeStep);
+    this.owed = Math.min(this.owed, 1e6) + due(seconds, now, run.timeStep);
     const seen = Number(now) <= 10;
     const end = performance.now() + BUDGET;
     while (this.owed >= 1 && performance.now() < end) {

@@ -6,14 +6,15 @@ const RUNS = 100;
  * After each run, yield how many trials the runs took so far, in order, and the quartiles.
  * @param {import("./upright.js").LearnerModule} module
  * @param {import("./upright.js").RunOptions} task
+ * @param {number} delay of pushes [steps]
  */
-export async function* guesses(module, task) {
+export async function* guesses(module, task, delay) {
   const learner = await module.create(task);
   /** @type {number[]} */
   const trials = [];
   for (let run = 0; run < RUNS; run += 1) {
     learner.begin({ ...task, run });
-    learner.set("task.rig.delay", 0);
+    learner.set("task.rig.delay", delay);
     trials.push(learner.run().lengths.length);
     trials.sort((one, other) => one - other);
     const part = (/** @type {number} */ p) => trials[Math.round(p * (trials.length - 1))];

@@ -12,7 +12,6 @@ import { Swarm } from "./swarm.js";
 import { drawTrials, explainTrials } from "./trials.js";
 import { caption, fallen, time } from "./words.js";
 
-/** @typedef {import("./upright.js").Learner} Learner */
 /** @typedef {import("./upright.js").LearnerModule} LearnerModule */
 
 const GUESS = "random-search";
@@ -62,11 +61,13 @@ async function begin() {
   const { agent, noise, start, seed, body } = choice;
   const module = await moduleOf(agent);
   const options = { noise, start, seed, parameters: parametersOf(body) };
-  const made = await Swarm.create(module, options, body.delay ?? 0, choice.view === "swarm" ? 100 : 1);
-  [run, swarm, clock] = [made.runs[0], choice.view === "swarm" ? made : null, new Clock()];
+  const delay = body.delay ?? 0;
+  swarm = choice.view === "swarm" ? await Swarm.create(module, options, delay) : null;
+  run = swarm ? swarm.runs[0] : await Run.create(module, options, delay);
+  clock = new Clock();
   reference = { guess: null, published: known.published[agent]?.[`${noise} ${start}`] ?? null };
   if (Object.keys(body).length) reference.published = null;
-  guess(run, options);
+  guess(run, options, delay);
   show();
 }
 
@@ -82,9 +83,14 @@ function parametersOf({ delay: _, ...parameters }) {
   return parameters;
 }
 
-/** Find what guessing needs, as long as the run is the present one. @param {Run} of @param {import("./upright.js").RunOptions} task */
-async function guess(of, task) {
-  for await (const found of guesses(await moduleOf(GUESS), task)) {
+/**
+ * Find what guessing needs on the same task, as long as the run is the present one.
+ * @param {Run} of
+ * @param {import("./upright.js").RunOptions} task
+ * @param {number} delay of pushes [steps]
+ */
+async function guess(of, task, delay) {
+  for await (const found of guesses(await moduleOf(GUESS), task, delay)) {
     if (run !== of) return;
     reference.guess = found;
     await new Promise((resolve) => setTimeout(resolve, 20));
@@ -101,9 +107,11 @@ function frame(/** @type {number} */ now) {
   else if (playing && clock.advance(run, seconds, choice.speed)) tellFall();
   if (swarm) showSwarm(swarm);
   else showRun();
-  if (frames % INSIDE_EVERY === 0) drawInside(inside, run);
+  if (frames % INSIDE_EVERY === 0) {
+    drawInside(inside, run);
+    say("inside-note", explainInside(run.learner));
+  }
   frames += 1;
-  say("inside-note", explainInside(run.learner));
   say("play", playing ? "Pause" : "Play");
   if (byId("numbers").closest("details")?.open) fillTables();
 }
@@ -233,22 +241,21 @@ function makeSliders() {
 function change(name, value) {
   if (name === "noise") {
     choice.noise = value;
-    each((learner) => learner.setNoise(value));
+    each(({ learner }) => learner.setNoise(value));
   } else {
     const number = Number(value) / (SLIDERS[name].times ?? 1);
     choice.body[name] = number;
-    each((learner) => {
+    each(({ learner }) => {
       if (name === "delay") learner.set("task.rig.delay", number);
       else learner.setParameters({ [name]: number });
     });
   }
-  run.touched = true;
   show();
 }
 
-/** Do something with every learner that is shown. @param {(learner: Learner) => void} work */
+/** Do something with every run that is shown. @param {(shown: Run) => void} work */
 function each(work) {
-  for (const { learner } of swarm?.runs ?? [run]) work(learner);
+  (swarm?.runs ?? [run]).forEach(work);
 }
 
 function toggle() {
@@ -257,7 +264,7 @@ function toggle() {
 
 function step() {
   playing = false;
-  for (const stepped of swarm?.runs ?? [run]) stepped.advance(1, true);
+  each((shown) => shown.advance(1, true));
   if (!swarm && run.learner.stage !== "balancing") tellFall();
 }
 
@@ -315,7 +322,7 @@ function listen() {
 
 /** Push every cart with a force [N] for a time [s]. @param {number} force @param {number} seconds */
 function push(force, seconds) {
-  for (const pushed of swarm?.runs ?? [run]) pushed.push(force, seconds);
+  each((shown) => shown.push(force, seconds));
 }
 
 function gust() {

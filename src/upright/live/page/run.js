@@ -11,6 +11,7 @@
  */
 
 const WATCHED = 500; // up to this many steps at a time, each is looked at
+const STANDS = 500; // steps of a trial after which the pole stands
 
 export class Run {
   /** @param {Learner} learner */
@@ -23,15 +24,30 @@ export class Run {
     this.path = [];
     /** Steps of all trials. */
     this.steps = 0;
-    /** Whether the run is no longer that of the command line. */
-    this.touched = false;
     /** Force of a hand on the cart [N], and for how many more steps. */
     this.hand = 0;
     this.handSteps = 0;
   }
 
+  /**
+   * Return a run that knows nothing yet, made by a module.
+   * @param {import("./upright.js").LearnerModule} module
+   * @param {import("./upright.js").RunOptions} options
+   * @param {number} delay of pushes [steps]
+   */
+  static async create(module, options, delay) {
+    const run = new Run(await module.create(options));
+    run.learner.set("task.rig.delay", delay);
+    return run;
+  }
+
   get over() {
     return this.learner.stage === "succeeded" || this.learner.stage === "failed";
+  }
+
+  /** Whether the pole has stood for a while in this trial. */
+  get stands() {
+    return this.learner.stage === "balancing" && this.learner.steps > STANDS;
   }
 
   /** The plant's parameters, in SI units. */
@@ -111,13 +127,11 @@ export class Run {
   push(force, seconds) {
     this.hand = force;
     this.handSteps = Math.max(1, Math.round(seconds / this.timeStep));
-    this.touched = true;
   }
 
   /** Put the cart-pole elsewhere. @param {Partial<State>} parts */
   put(parts) {
     this.learner.state = { ...this.learner.state, ...parts };
-    this.touched = true;
   }
 }
 

@@ -1,12 +1,11 @@
 // A swarm: the runs of a study at once, as a hundred transparent cart-poles. They are the runs that
 // `upright table --runs 100` makes with the same seed.
-import { due } from "./clock.js";
+import { BUDGET, due } from "./clock.js";
 import { penOf } from "./paint.js";
 import { Run } from "./run.js";
 import { drawCartPole, drawTrack, viewOf } from "./stage.js";
 
-const STANDS = 500; // steps of a trial after which a pole stands
-const BUDGET = 12; // how long a frame may compute [ms]
+const COUNT = 100;
 const PIECE = 2000; // steps of one run before the next has its turn
 const FAINT = 0.14; // opacity of each
 
@@ -23,14 +22,11 @@ export class Swarm {
    * @param {import("./upright.js").LearnerModule} module
    * @param {import("./upright.js").RunOptions} options
    * @param {number} delay of pushes [steps]
-   * @param {number} count of runs
    */
-  static async create(module, options, delay, count) {
+  static async create(module, options, delay) {
     const runs = [];
-    for (let run = 0; run < count; run += 1) {
-      const learner = await module.create({ ...options, run });
-      learner.set("task.rig.delay", delay);
-      runs.push(new Run(learner));
+    for (let run = 0; run < COUNT; run += 1) {
+      runs.push(await Run.create(module, { ...options, run }, delay));
     }
     return new Swarm(runs);
   }
@@ -47,13 +43,14 @@ export class Swarm {
       tried = count ? 0 : tried + 1;
       this.turn = (this.turn + 1) % this.runs.length;
     }
+    if (speed === "max") this.owed.fill(0); // or a slower speed would begin late
   }
 
   /** How many trials each run has needed until the pole stood; infinite if it does not yet. */
   get needed() {
-    return this.runs.map(({ learner }) => {
+    return this.runs.map(({ learner, stands }) => {
       if (learner.stage === "succeeded") return learner.trials;
-      return learner.stage === "balancing" && learner.steps > STANDS ? learner.trials + 1 : Infinity;
+      return stands ? learner.trials + 1 : Infinity;
     });
   }
 

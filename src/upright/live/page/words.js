@@ -20,7 +20,7 @@ export function caption(run) {
   const { learner, fall } = run;
   if (learner.stage === "succeeded") return `It balances: ${time(learner.steps * run.timeStep)} without a fall.`;
   if (learner.stage === "failed") return "It has had all of its trials, and has not learned to balance.";
-  if (learner.stage === "balancing" && learner.steps > 500) {
+  if (run.stands) {
     return "It stands. Push it: tap the stage left or right of the cart, press ← or →, or drag the cart or the pole.";
   }
   if (!fall) return "It knows nothing yet, and pushes left or right fifty times a second.";
